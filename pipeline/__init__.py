@@ -1,0 +1,1 @@
+"""The core: pairing, detectors, judge, faults, and the wiring between them."""

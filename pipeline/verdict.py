@@ -1,0 +1,312 @@
+"""What is said of a pair of cameras: evidence, verdicts, events and the status of a rig, and their JSON messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, Protocol, TypeAlias
+
+Message: TypeAlias = dict[str, Any]
+"""A JSON object with a `schema` member."""
+
+VERDICT_SCHEMA = "syncwatch.verdict.v1"
+EVENT_SCHEMA = "syncwatch.event.v1"
+STATUS_SCHEMA = "syncwatch.status.v1"
+
+
+class State(str, Enum):
+    """Were the frames of a pair taken together?"""
+
+    SYNC = "sync"
+    ASYNC = "async"
+    UNKNOWN = "unknown"
+
+
+class Basis(str, Enum):
+    """What a judgement rests on."""
+
+    CONTENT = "content"
+    TIMESTAMPS = "timestamps"
+    NONE = "none"
+
+
+class Cause(str, Enum):
+    """Why a pair is out of sync."""
+
+    SLIP = "slip"
+    PHASE = "phase"
+    STAMPS_LIE = "stamps_lie"
+    FREE_RUN = "free_run"
+    FROZEN = "frozen"
+    MISSING = "missing"
+
+
+class Reason(str, Enum):
+    """Why nothing can be said of a pair."""
+
+    NO_MOTION = "no_motion"
+    NO_OVERLAP = "no_overlap"
+    DARK = "dark"
+    WARMING_UP = "warming_up"
+    UNPAIRED = "unpaired"
+    WIDE_ERROR = "wide_error"
+    NO_EVIDENCE = "no_evidence"
+
+
+class Level(str, Enum):
+    """The state of a whole rig, for lamps and pagers."""
+
+    OK = "ok"
+    WARN = "warn"
+    ERROR = "error"
+    STALE = "stale"
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What one detector says of one pair at one t.
+
+    offset_ns and offset_frames: the second camera against the first, positive = a later moment; None where not
+    measured. sigma_*: one standard error. reason: a sentence for people. numbers: what the sentence rests on.
+    synthesised: the stamps it rests on were made up by the source, so it proves nothing.
+    """
+
+    pair: str
+    detector: str
+    basis: Basis
+    state: State
+    reason: str
+    offset_ns: int | None = None
+    sigma_ns: int | None = None
+    offset_frames: float | None = None
+    sigma_frames: float | None = None
+    motion_px: float | None = None
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    synthesised: bool = False
+
+    def to_json(self) -> Message:
+        return {
+            "state": self.state.value,
+            "offset_ms": ms(self.offset_ns),
+            "sigma_ms": ms(self.sigma_ns),
+            "offset_frames": rounded(self.offset_frames),
+            "sigma_frames": rounded(self.sigma_frames),
+            "reason": self.reason,
+            "numbers": {name: rounded(value, 6) for name, value in self.numbers.items()},
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class PairTruth:
+    """The true offset of a pair, known only for rendered footage and injected faults."""
+
+    offset_ns: int
+    state: State
+    faults: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the judge says of one pair at one frame of its first camera.
+
+    frame: counts the first camera's frames from 0; None while that camera is silent.
+    cause: None unless async. reason: None unless unknown.
+    sequence, captured_ns: by camera, None for a missing partner or counter.
+    """
+
+    rig: str
+    pair: str
+    frame: int | None
+    state: State
+    basis: Basis
+    cause: Cause | None = None
+    reason: Reason | None = None
+    offset_ns: int | None = None
+    sigma_ns: int | None = None
+    offset_frames: float | None = None
+    tolerance_ns: int = 0
+    content: Evidence | None = None
+    evidence: tuple[Evidence, ...] = ()
+    sequence: Mapping[str, int | None] = field(default_factory=dict)
+    captured_ns: Mapping[str, int | None] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    truth: PairTruth | None = None
+
+    @property
+    def interval_ns(self) -> int | None:
+        """|second - first| of the stamps, or None where one is missing."""
+        stamps = list(self.captured_ns.values())
+        if len(stamps) != 2 or stamps[0] is None or stamps[1] is None:
+            return None
+        return abs(stamps[1] - stamps[0])
+
+    def to_message(self) -> Message:
+        best = self.content
+        return {
+            "schema": VERDICT_SCHEMA,
+            "rig": self.rig,
+            "pair": self.pair,
+            "frame": self.frame,
+            "state": self.state.value,
+            "cause": self.cause and self.cause.value,
+            "reason": self.reason and self.reason.value,
+            "basis": self.basis.value,
+            "offset_ms": ms(self.offset_ns),
+            "offset_sigma_ms": ms(self.sigma_ns),
+            "offset_frames": rounded(self.offset_frames),
+            "tolerance_ms": ms(self.tolerance_ns),
+            "content": best
+            and {
+                "detector": best.detector,
+                "state": best.state.value,
+                "offset_frames": rounded(best.offset_frames),
+                "sigma_frames": rounded(best.sigma_frames),
+                "motion_px": rounded(best.motion_px),
+                "reason": best.reason,
+            },
+            "evidence": {item.detector: item.to_json() for item in self.evidence},
+            "sequence": dict(self.sequence),
+            "captured_ns": dict(self.captured_ns),
+            "interval_ms": ms(self.interval_ns),
+            "notes": list(self.notes),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Onset or end of a condition. `since_ns` and `until_ns` are wall-clock time; worst is the largest value so far."""
+
+    rig: str
+    id: str
+    kind: str
+    phase: str
+    pair: str | None
+    camera: str | None
+    cause: Cause | None
+    since_ns: int
+    until_ns: int | None
+    worst_offset_ns: int | None
+    text: str
+
+    def to_message(self) -> Message:
+        return {
+            "schema": EVENT_SCHEMA,
+            "rig": self.rig,
+            "id": self.id,
+            "kind": self.kind,
+            "phase": self.phase,
+            "pair": self.pair,
+            "camera": self.camera,
+            "cause": self.cause and self.cause.value,
+            "since_ns": self.since_ns,
+            "until_ns": self.until_ns,
+            "worst": {"offset_ms": ms(self.worst_offset_ns)},
+            "text": self.text,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class PairStatus:
+    """The current state of a pair; coverage is the share of its frames that could be decided."""
+
+    state: State
+    cause: Cause | None
+    since_ns: int
+    offset_ns: int | None
+    sigma_ns: int | None
+    coverage: float
+
+    def to_json(self) -> Message:
+        return {
+            "state": self.state.value,
+            "cause": self.cause and self.cause.value,
+            "since_ns": self.since_ns,
+            "offset_ms": ms(self.offset_ns),
+            "offset_sigma_ms": ms(self.sigma_ns),
+            "coverage": rounded(self.coverage),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class CameraStatus:
+    """The current state of a camera; fps is measured on its stamps, None before two frames."""
+
+    fps: float | None
+    expected_fps: float
+    frames: int
+    drops: int
+
+    def to_json(self) -> Message:
+        return {
+            "fps": rounded(self.fps, 3),
+            "expected_fps": self.expected_fps,
+            "frames": self.frames,
+            "drops": self.drops,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """The rolled-up state of a rig, once a second and on every change of state."""
+
+    rig: str
+    at_ns: int
+    level: Level
+    reasons: tuple[str, ...]
+    pairs: Mapping[str, PairStatus]
+    cameras: Mapping[str, CameraStatus]
+    version: str
+    uptime_s: float
+    dropped_windows: int
+
+    def to_message(self) -> Message:
+        return {
+            "schema": STATUS_SCHEMA,
+            "rig": self.rig,
+            "at_ns": self.at_ns,
+            "level": self.level.value,
+            "reasons": list(self.reasons),
+            "pairs": {name: pair.to_json() for name, pair in self.pairs.items()},
+            "cameras": {name: camera.to_json() for name, camera in self.cameras.items()},
+            "monitor": {
+                "version": self.version,
+                "uptime_s": rounded(self.uptime_s, 3),
+                "dropped_windows": self.dropped_windows,
+            },
+        }
+
+
+Report: TypeAlias = Verdict | Event | Status
+"""Anything the pipeline tells its sinks."""
+
+
+class Sink(Protocol):
+    """Takes reports to people, files or other programs.
+
+    `start`, `take` and `stop` are all called from one thread that belongs to this sink alone, fed by a bounded queue:
+    it may block without harm to detection. `start` comes first; `stop` last, once, also after a failed `take` but not
+    after a failed `start`. An exception from any of them ends the run with status 1.
+
+    A `lossless` sink makes a recording wait for it; any other, and every sink of a live rig, loses the oldest verdicts
+    when its queue is full (counted, and said at the end). Events are never given up for verdicts.
+    """
+
+    @property
+    def lossless(self) -> bool: ...
+
+    def start(self) -> None: ...
+
+    def take(self, report: Report) -> None: ...
+
+    def stop(self) -> None: ...
+
+
+def ms(value_ns: int | None) -> float | None:
+    """Nanoseconds to milliseconds, to the microsecond."""
+    return None if value_ns is None else round(value_ns / 1e6, 3)
+
+
+def rounded(value: float | None, digits: int = 4) -> float | None:
+    return None if value is None else round(float(value), digits)
