@@ -34,7 +34,12 @@ def test_each_window_shows_a_frame_and_its_neighbours():
 
 def test_a_hole_is_marked_and_never_skipped():
     windows = windows_of({"a": [0, 1, 2, 3], "b": [0, 1, 3]})
-    assert [ids(item.cameras["b"])[:3] for item in windows] == [(None, 0, 1), (0, 1, None), (1, None, 3), (None, 3, None)]
+    assert [ids(item.cameras["b"])[:3] for item in windows] == [
+        (None, 0, 1),
+        (0, 1, None),
+        (1, None, 3),
+        (None, 3, None),
+    ]
 
 
 def test_numbers_count_a_cameras_own_frames():

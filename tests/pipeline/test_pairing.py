@@ -76,7 +76,9 @@ def test_a_frame_that_comes_after_its_slot_has_gone_is_counted_as_late():
 def test_a_constant_clock_offset_is_learned(offset_ns: int):
     stamps = [number * PERIOD_NS for number in range(30)]
     lanes = streams(stamps, [stamp + offset_ns for stamp in stamps])
-    lanes[1] = [frame("b", item.captured_ns, item.sequence, arrived_ns=item.captured_ns - offset_ns) for item in lanes[1]]
+    lanes[1] = [
+        frame("b", item.captured_ns, item.sequence, arrived_ns=item.captured_ns - offset_ns) for item in lanes[1]
+    ]
     interleaved = [item for pair in zip(*lanes, strict=True) for item in pair]
     assert told(slots_of(interleaved)[1]) == [(number, number) for number in range(30)]
 

@@ -1,0 +1,57 @@
+"""One answer for a whole recording: in sync, out of sync, or cannot tell, in a paragraph."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pipeline.tally import PairTally, Tally
+from pipeline.verdict import State
+
+ENOUGH = 10
+"""Frames that must agree before anything is said of a recording: fewer are an anecdote."""
+
+CLEAR = 0.9
+"""Share of the decided frames that must agree for an answer about all of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What is said of a recording, and the sentences that say why."""
+
+    state: State
+    text: str
+
+
+def answer(tally: Tally) -> Answer:
+    """The worst answer over all pairs: out of sync, else cannot tell, else in sync."""
+    states = {name: _state(pair) for name, pair in tally.pairs.items()}
+    if not states:
+        return Answer(State.UNKNOWN, "Cannot tell: no two frames came together.")
+    sentences = [_sentence(name, states[name], pair) for name, pair in tally.pairs.items()]
+    for state in (State.ASYNC, State.UNKNOWN):
+        if state in states.values():
+            return Answer(state, f"{HEADLINE[state]} {' '.join(sentences)}")
+    return Answer(State.SYNC, f"{HEADLINE[State.SYNC]} {' '.join(sentences)}")
+
+
+HEADLINE = {State.SYNC: "In sync.", State.ASYNC: "OUT OF SYNC.", State.UNKNOWN: "Cannot tell."}
+
+
+def _state(pair: PairTally) -> State:
+    if pair.longest_async >= ENOUGH:
+        return State.ASYNC
+    if pair.decided < ENOUGH:
+        return State.UNKNOWN
+    if pair.states[State.SYNC] >= CLEAR * pair.decided:
+        return State.SYNC
+    return State.ASYNC if pair.states[State.ASYNC] >= CLEAR * pair.decided else State.UNKNOWN
+
+
+def _sentence(name: str, state: State, pair: PairTally) -> str:
+    sync, wrong = pair.states[State.SYNC], pair.states[State.ASYNC]
+    counts = f"{pair.decided} of {pair.total} frames could be judged: {sync} in sync, {wrong} not"
+    if state is State.ASYNC:
+        return f"{name}: {counts}; out of sync for up to {pair.longest_async} frames in a row."
+    if state is State.UNKNOWN and pair.decided >= ENOUGH:
+        return f"{name}: {counts}, and they contradict each other from frame to frame."
+    return f"{name}: {counts}."

@@ -1,0 +1,178 @@
+"""The only file that knows all kinds: builds a running pipeline from a checked configuration."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from typing import TextIO
+
+from pipeline.buffer import WindowBuffer
+from pipeline.conditions import Conditions
+from pipeline.config import PairSettings
+from pipeline.configtext.document import Problem
+from pipeline.detectors.spatial import SpatialDetector, SpatialSettings
+from pipeline.detectors.timestamp import TimestampDetector, TimestampSettings
+from pipeline.faults.base import Fault, FaultSettings
+from pipeline.faults.content_shift import ContentShift, ContentShiftSettings
+from pipeline.faults.drop import Drop, DropSettings
+from pipeline.faults.frozen import Frozen, FrozenSettings
+from pipeline.faults.seq_offset import SeqOffset, SeqOffsetSettings
+from pipeline.faults.slip import Slip, SlipSettings
+from pipeline.faults.source import FaultedSource
+from pipeline.faults.stamp_drift import StampDrift, StampDriftSettings
+from pipeline.frame import NS_PER_MS, Camera, Detector, Pair, Renderer, Rig, Source
+from pipeline.judge import Judge
+from pipeline.plan import Kind, Kinds, Plan
+from pipeline.run import Parts
+from pipeline.status import StatusKeeper
+from pipeline.verdict import Level, Sink, Verdict
+from sinks.console import ConsoleSettings, ConsoleSink
+from sinks.jsonl import JsonlSettings, JsonlSink
+from sinks.zenoh import ZenohSettings, ZenohSink
+from sources.replay.settings import ReplaySettings
+from sources.replay.source import ReplaySource
+from sources.synthetic.settings import SyntheticSettings
+from sources.synthetic.source import SyntheticSource
+
+
+@dataclass(frozen=True, slots=True)
+class SinkContext:
+    """What sinks may want to know besides their settings."""
+
+    plan: Plan
+    rig: Rig
+    frame_count: int | None
+    console: TextIO
+
+
+KINDS = Kinds(
+    tables={
+        "source": {
+            "synthetic": Kind(SyntheticSettings, lambda s, plan: SyntheticSource(s, seed=plan.config.seed)),
+            "replay": Kind(ReplaySettings, lambda s, plan: ReplaySource(s, base=plan.base)),
+        },
+        "faults": {
+            "slip": Kind(SlipSettings, lambda s, c, seed, r: Slip(s.type, s, c, seed, s.frames, r)),
+            "content_shift": Kind(
+                ContentShiftSettings, lambda s, c, seed, r: ContentShift(s.type, s, c, seed, s.frames, r)
+            ),
+            "seq_offset": Kind(SeqOffsetSettings, lambda s, c, seed, _: SeqOffset(s, c, seed)),
+            "drop": Kind(DropSettings, lambda s, c, seed, _: Drop(s, c, seed)),
+            "frozen": Kind(FrozenSettings, lambda s, c, seed, _: Frozen(s, c, seed)),
+            "stamp_drift": Kind(StampDriftSettings, lambda s, c, seed, _: StampDrift(s, c, seed)),
+        },
+        "detectors": {
+            "timestamp": Kind(TimestampSettings, TimestampDetector),
+            "spatial": Kind(SpatialSettings, lambda s, *, name, rig, **_: SpatialDetector(s, name=name, rig=rig)),
+        },
+        "sinks": {
+            "console": Kind(
+                ConsoleSettings,
+                lambda s, k: ConsoleSink(s, stream=k.console, rig=k.rig, frame_count=k.frame_count),
+            ),
+            "jsonl": Kind(JsonlSettings, lambda s, k: JsonlSink(s, base=k.plan.base)),
+            "zenoh": Kind(ZenohSettings, lambda s, k: ZenohSink(s, rig=k.rig.name)),
+        },
+    },
+    own={
+        "source": lambda made: lambda s, _: made(s),
+        "detectors": lambda made: lambda s, *, name, rig, **_: made(s, name=name, rig=rig),
+        "sinks": lambda made: lambda s, k: made(s, rig=k.rig),
+    },
+)
+
+
+def version() -> str:
+    return metadata.version("syncwatch")
+
+
+def build_source(plan: Plan) -> Source:
+    """The plan's source, with its faults injected, not yet open."""
+    source: Source = plan.source.build(plan.source.settings, plan)
+    if not plan.faults:
+        return source
+    renderer = source if isinstance(source, Renderer) else None
+
+    def make_faults(cameras: Sequence[Camera]) -> list[Fault]:
+        return [_fault(plan, index, cameras, renderer) for index in range(len(plan.faults))]
+
+    return FaultedSource(source, make_faults)
+
+
+def build_rig(plan: Plan, cameras: Sequence[Camera]) -> Rig:
+    """The rig with its pairs. Raises ConfigError for a pair of cameras that do not exist."""
+    names = [camera.name for camera in cameras]
+    if plan.config.pairs is None:
+        pairs = [Pair(names[0], other) for other in names[1:]]
+    else:
+        problems = [
+            _no_camera(("pairs", index), name, names)
+            for index, entry in enumerate(plan.config.pairs)
+            for name in entry.pair.split("-")
+            if name not in names
+        ]
+        if problems:
+            raise plan.document.error(problems)
+        pairs = [_pair(entry) for entry in plan.config.pairs]
+    return Rig(plan.config.rig, tuple(cameras), tuple(pairs))
+
+
+def assemble(
+    plan: Plan,
+    source: Source,
+    *,
+    console: TextIO,
+    on_verdict: Callable[[Verdict], None] = lambda _: None,
+    wall_ns: Callable[[], int] = time.time_ns,
+    monotonic_ns: Callable[[], int] = time.monotonic_ns,
+) -> Parts:
+    """Everything a run needs, around a source that is open.
+
+    console: where sinks that talk to people print.
+    """
+    rig = build_rig(plan, source.cameras)
+    config = plan.config
+    context = SinkContext(plan, rig, source.frame_count, console)
+    classic = config.judge.combine == "classic"
+    detectors: Mapping[str, Detector] = {
+        name: chosen.build(chosen.settings, name=name, rig=rig, classic=classic)
+        for name, chosen in plan.detectors.items()
+    }
+    sinks: Mapping[str, Sink] = {name: chosen.build(chosen.settings, context) for name, chosen in plan.sinks.items()}
+    return Parts(
+        source=source,
+        buffer=WindowBuffer(rig.cameras, config.buffer),
+        detectors=detectors,
+        judge=Judge(config.judge, rig, trust_stamps=getattr(plan.source.settings, "trust_stamps", False)),
+        status=StatusKeeper(
+            rig,
+            unknown_is=Level(config.judge.unknown_is),
+            version=version(),
+            wall_ns=wall_ns,
+            monotonic_ns=monotonic_ns,
+        ),
+        conditions=Conditions(rig.name, wall_ns),
+        sinks=sinks,
+        on_verdict=on_verdict,
+    )
+
+
+def _fault(plan: Plan, index: int, cameras: Sequence[Camera], renderer: Renderer | None) -> Fault:
+    chosen = plan.faults[index]
+    settings = chosen.settings
+    names = [camera.name for camera in cameras]
+    if isinstance(settings, FaultSettings) and settings.camera is not None and settings.camera not in names:
+        raise plan.document.error([_no_camera(("faults", index, "camera"), settings.camera, names)])
+    fault: Fault = chosen.build(settings, tuple(cameras), plan.config.seed, renderer)
+    return fault
+
+
+def _pair(entry: PairSettings) -> Pair:
+    first, second = entry.pair.split("-")
+    return Pair(first, second, round(entry.expected_offset_ms * NS_PER_MS))
+
+
+def _no_camera(path: tuple[str | int, ...], name: str, names: Sequence[str]) -> Problem:
+    return Problem(path, f"no camera '{name}': this rig has {', '.join(names)}")

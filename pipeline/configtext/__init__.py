@@ -1,0 +1,1 @@
+"""Turns configuration text into plain data with remembered places, and problems into lines for people."""

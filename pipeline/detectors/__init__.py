@@ -1,0 +1,1 @@
+"""One file a way of finding out whether two frames were taken together."""

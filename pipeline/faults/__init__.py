@@ -1,0 +1,1 @@
+"""Field failures, reproducible around any source: one file a kind."""

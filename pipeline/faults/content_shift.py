@@ -1,0 +1,27 @@
+"""A camera whose pictures are stale or early while its stamps and ids say that all is well."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+from pipeline.faults.base import FaultSettings, ShiftFault
+from pipeline.frame import Frame
+
+
+class ContentShiftSettings(FaultSettings):
+    """frames: how much later the picture's moment is than its slot's; negative = stale."""
+
+    type: Literal["content_shift"] = "content_shift"
+    frames: float = -1
+
+
+class ContentShift(ShiftFault):
+    """The picture alone of frame n + k in slot n.
+
+    Signature: stamps 0, ids equal, pictures k. Seen in: raspberrypi/picamera2#1107, luxonis/depthai-ros#713,
+    stereolabs/zed-ros-wrapper#629; by half a frame in basler/pypylon#731.
+    """
+
+    def combine(self, frame: Frame, other: Frame) -> Frame:
+        return replace(frame, image=other.image, truth=other.truth)

@@ -1,0 +1,54 @@
+"""A camera that loses frames, with or without a gap in its ids."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from pipeline.faults.base import FaultSettings, FrameFault
+from pipeline.frame import Camera, Frame
+
+
+class DropSettings(FaultSettings):
+    """probability: of losing a frame; every: lose every n-th instead. renumber: ids show no gap."""
+
+    type: Literal["drop"] = "drop"
+    probability: float | None = Field(default=None, gt=0, le=1)
+    every: int | None = Field(default=None, ge=1)
+    renumber: bool = False
+
+    @model_validator(mode="after")
+    def _one_way(self) -> DropSettings:
+        if (self.probability is None) == (self.every is None):
+            raise ValueError("give either probability (e.g. 0.05) or every (e.g. 40)")
+        return self
+
+
+class Drop(FrameFault):
+    """Slots stay empty on one side.
+
+    Signature: gaps in stamps, gaps in ids (none with `renumber`), pictures 0. Seen in: realsenseai/librealsense#10516;
+    silently in raspberrypi/picamera2#1201.
+    """
+
+    def __init__(self, settings: DropSettings, cameras: tuple[Camera, ...], seed: int) -> None:
+        super().__init__(settings.type, settings, cameras, seed)
+        self._settings = settings
+        self._seen = 0
+        self._lost = 0
+
+    def bend(self, frame: Frame) -> Frame | None:
+        self._seen += 1
+        if self._is_lost():
+            self._lost += 1
+            return None
+        if self._settings.renumber and frame.sequence is not None:
+            return replace(frame, sequence=frame.sequence - self._lost)
+        return frame
+
+    def _is_lost(self) -> bool:
+        if self._settings.every is not None:
+            return self._seen % self._settings.every == 0
+        return self.random.random() < (self._settings.probability or 0)

@@ -1,0 +1,27 @@
+"""A camera that is whole frames (or a fraction) ahead or behind, and says so in its stamps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+from pipeline.faults.base import FaultSettings, ShiftFault
+from pipeline.frame import Frame
+
+
+class SlipSettings(FaultSettings):
+    """frames: how much later the camera's moment is than its slot's; negative = stale."""
+
+    type: Literal["slip"] = "slip"
+    frames: float = 1
+
+
+class Slip(ShiftFault):
+    """Picture and stamp of frame n + k under id n in slot n.
+
+    Signature: stamps +k, ids equal, pictures +k. Seen in: the report's own rig (46 frames, ended by a drop),
+    introlab/rtabmap#742; as a start race in TheImagingSource/tiscamera#391 and ksseverson57/campy#24.
+    """
+
+    def combine(self, frame: Frame, other: Frame) -> Frame:
+        return replace(other, sequence=frame.sequence, group=frame.group, arrived_ns=frame.arrived_ns)

@@ -1,0 +1,278 @@
+"""Runs a pipeline: its threads, its queues, and an orderly end whatever happens."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from pipeline.buffer import WindowBuffer
+from pipeline.conditions import Conditions
+from pipeline.errors import RunError, SyncwatchError
+from pipeline.frame import NS_PER_S, Detector, Source, Window
+from pipeline.judge import Judge
+from pipeline.queues import BoundedQueue, QueueClosedError
+from pipeline.status import StatusKeeper
+from pipeline.verdict import Evidence, Report, Sink, Verdict
+
+log = logging.getLogger("syncwatch.run")
+
+WINDOWS_AHEAD = 4
+"""Windows that may wait for detection: a tenth of a second of jitter, without piling up latency."""
+
+REPORTS_AHEAD = 1000
+"""Reports that may wait for a sink: half a minute of a stereo rig at 30 fps."""
+
+POLL_S = 0.1
+"""How often an idle run looks whether it should end or a status is due."""
+
+STATUS_EVERY_NS = NS_PER_S
+
+PATIENCE_S = 10.0
+"""How long a sink may take to start or to finish, and a source to stop, before it is given up."""
+
+
+@dataclass(slots=True)
+class Parts:
+    """Everything a run is made of, built by the assembly."""
+
+    source: Source
+    buffer: WindowBuffer
+    detectors: Mapping[str, Detector]
+    judge: Judge
+    status: StatusKeeper
+    conditions: Conditions
+    sinks: Mapping[str, Sink]
+    on_verdict: Callable[[Verdict], None] = field(default=lambda _: None)
+
+
+class SinkThread:
+    """One sink on a thread of its own behind a bounded queue."""
+
+    def __init__(self, name: str, sink: Sink, *, wait: bool) -> None:
+        self.name = name
+        self.failure: SyncwatchError | None = None
+        self._sink = sink
+        self._queue: BoundedQueue[Report] = BoundedQueue(
+            REPORTS_AHEAD, wait=wait, expendable=lambda report: isinstance(report, Verdict)
+        )
+        self._started = threading.Event()
+        self._thread = threading.Thread(target=self._work, name=f"sink-{name}", daemon=True)
+
+    @property
+    def dropped(self) -> int:
+        return self._queue.dropped
+
+    def start(self) -> None:
+        """Starts the sink and waits until it is ready. Raises what kept it from starting."""
+        self._thread.start()
+        if not self._started.wait(PATIENCE_S):
+            self.failure = RunError(f"sink '{self.name}' did not start within {PATIENCE_S:.0f} s")
+        if self.failure is not None:
+            raise self.failure
+
+    def put(self, report: Report) -> None:
+        try:
+            self._queue.put(report)
+        except QueueClosedError:
+            return
+
+    def hurry(self) -> None:
+        self._queue.hurry(PATIENCE_S)
+
+    def finish(self) -> None:
+        """Lets the sink have what is left, for a while, then stops it."""
+        self._queue.close()
+        self._thread.join(PATIENCE_S)
+        if self._thread.is_alive() and self.failure is None:
+            self.failure = RunError(
+                f"sink '{self.name}' did not finish within {PATIENCE_S:.0f} s: {len(self._queue)} reports lost"
+            )
+
+    def _work(self) -> None:
+        try:
+            self._sink.start()
+        except Exception as error:  # a user's own sink may raise anything
+            self._fail("could not start", error)
+            self._started.set()
+            return
+        self._started.set()
+        try:
+            try:
+                while True:
+                    self._sink.take(self._queue.get())
+            except QueueClosedError:
+                pass
+            finally:
+                self._sink.stop()
+        except Exception as error:  # as above
+            self._fail("failed", error)
+
+    def _fail(self, what: str, error: Exception) -> None:
+        self.failure = _explained(f"sink '{self.name}' {what}", error)
+        self._queue.close()
+
+
+class Run:
+    """One run of a pipeline, from starting its sinks to stopping them.
+
+    `stop` may be called from a signal handler or another thread: the source is stopped, what it had delivered is
+    judged, and sinks get everything before they stop. It also stops by itself after `stop_after_s`.
+    """
+
+    def __init__(
+        self,
+        parts: Parts,
+        *,
+        stop_after_s: float | None = None,
+        monotonic_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._parts = parts
+        self._monotonic_ns = monotonic_ns
+        live = parts.source.live
+        self._windows: BoundedQueue[Window] = BoundedQueue(WINDOWS_AHEAD, wait=not live)
+        self._sinks = [SinkThread(name, sink, wait=sink.lossless and not live) for name, sink in parts.sinks.items()]
+        self._reader = threading.Thread(target=self._read, name="source", daemon=True)
+        self._source_failure: SyncwatchError | None = None
+        self._stopping = threading.Event()
+        self._status_due_ns = monotonic_ns()
+        self._stop_at_ns = None if stop_after_s is None else monotonic_ns() + round(stop_after_s * NS_PER_S)
+
+    def stop(self) -> None:
+        """Asks the run to end soon and in order."""
+        self._stopping.set()
+        for sink in self._sinks:
+            sink.hurry()
+
+    def execute(self) -> None:
+        """Runs until the source ends, `stop` is called or a part fails.
+
+        Raises the first failure after everything else has been wound up: InputError for input that turned out bad,
+        RunError for a part that failed.
+        """
+        failures: list[SyncwatchError] = []
+        started: list[SinkThread] = []
+        try:
+            for sink in self._sinks:
+                sink.start()
+                started.append(sink)
+            self._reader.start()
+            self._detect()
+        except Exception as error:  # whatever it is, sinks and source are wound up first
+            failures.append(_explained("judging failed", error))
+        failures += self._stop_source()
+        self._report_all(self._parts.conditions.finish())
+        self._report_status()
+        for sink in started:
+            sink.finish()
+        failures += [sink.failure for sink in started if sink.failure is not None]
+        for sink in started:
+            if sink.dropped:
+                log.warning("sink '%s' was too slow: %d reports dropped", sink.name, sink.dropped)
+        for other in failures[1:]:
+            if other is not failures[0]:
+                log.error("%s", other)
+        if failures:
+            raise failures[0]
+
+    def _read(self) -> None:
+        """The source's thread: frames in, windows out."""
+        buffer = self._parts.buffer
+        try:
+            for frame in self._parts.source.frames():
+                for window in buffer.push(frame):
+                    self._windows.put(window)
+            for window in buffer.flush():
+                self._windows.put(window)
+        except QueueClosedError:
+            pass
+        except Exception as error:  # a user's own source may raise anything
+            self._source_failure = _explained("the source failed", error)
+            self._flush_after_failure()
+        finally:
+            self._windows.close()
+
+    def _flush_after_failure(self) -> None:
+        """What was read before the failure is judged."""
+        try:
+            for window in self._parts.buffer.flush():
+                self._windows.put(window)
+        except QueueClosedError:
+            pass
+
+    def _detect(self) -> None:
+        """The detection loop. Raises RunError when a detector or sink fails."""
+        stop_by: float | None = None
+        while True:
+            for sink in self._sinks:
+                if sink.failure is not None:
+                    return
+            if self._stop_at_ns is not None and self._monotonic_ns() >= self._stop_at_ns:
+                self._stopping.set()
+            if self._stopping.is_set() and stop_by is None:
+                stop_by = time.monotonic() + PATIENCE_S
+                self._parts.source.stop()
+            if stop_by is not None and time.monotonic() > stop_by:
+                raise RunError(f"the source did not stop within {PATIENCE_S:.0f} s")
+            try:
+                window = self._windows.get(timeout_s=POLL_S)
+            except TimeoutError:
+                self._report_status_if_due()
+                continue
+            except QueueClosedError:
+                return
+            self._handle(window)
+
+    def _handle(self, window: Window) -> None:
+        parts = self._parts
+        parts.status.see(window)
+        evidence: list[Evidence] = []
+        for name, detector in parts.detectors.items():
+            try:
+                evidence += detector.observe(window)
+            except Exception as error:  # a user's own detector may raise anything
+                raise _explained(f"detector '{name}' failed at window {window.index}", error) from error
+        changed = False
+        for verdict in parts.judge.judge(window, evidence):
+            parts.on_verdict(verdict)
+            changed |= parts.status.add(verdict)
+            self._report_all([verdict, *parts.conditions.add(verdict)])
+        if changed:
+            self._report_status()
+        else:
+            self._report_status_if_due()
+
+    def _report_all(self, reports: Sequence[Report]) -> None:
+        for report in reports:
+            for sink in self._sinks:
+                sink.put(report)
+
+    def _report_status_if_due(self) -> None:
+        if self._monotonic_ns() >= self._status_due_ns:
+            self._report_status()
+
+    def _report_status(self) -> None:
+        self._status_due_ns = self._monotonic_ns() + STATUS_EVERY_NS
+        self._report_all([self._parts.status.status(self._parts.buffer.counters, self._windows.dropped)])
+
+    def _stop_source(self) -> list[SyncwatchError]:
+        self._parts.source.stop()
+        self._windows.close()
+        if self._reader.ident is not None:
+            self._reader.join(PATIENCE_S)
+        failures = [self._source_failure] if self._source_failure is not None else []
+        if self._reader.is_alive():
+            failures.append(RunError(f"the source did not stop within {PATIENCE_S:.0f} s"))
+        else:
+            self._parts.source.close()
+        return failures
+
+
+def _explained(what: str, error: Exception) -> SyncwatchError:
+    """The error as a sentence for people; our own already are."""
+    log.debug("%s", what, exc_info=error)
+    if isinstance(error, SyncwatchError):
+        return error
+    return RunError(f"{what}: {type(error).__name__}: {error}")

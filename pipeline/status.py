@@ -1,0 +1,136 @@
+"""Rolls the verdicts of a rig up into one status, for lamps and other services."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from pipeline.conditions import Steady, describe_offset
+from pipeline.frame import NS_PER_S, Rig, Window
+from pipeline.pairing import Counters
+from pipeline.verdict import CameraStatus, Level, PairStatus, State, Status, Verdict
+
+RATE_FRAMES = 31
+"""Stamps over which a frame rate is measured: a second at 30 fps."""
+
+STALE_NS = 5 * NS_PER_S
+STALE_PERIODS = 5
+"""Without a window for this long and this many periods, what was said last is not the state of the rig any more."""
+
+
+@dataclass(slots=True)
+class _PairState:
+    since_ns: int
+    steady: Steady = field(default_factory=Steady)
+    shown: Verdict | None = None
+    verdicts: int = 0
+    decided: int = 0
+
+
+class StatusKeeper:
+    """Follows windows and verdicts; `status` says how things stand.
+
+    wall_ns: the time of day in nanoseconds since 1970; monotonic_ns: a clock that never steps.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        *,
+        unknown_is: Level,
+        version: str,
+        wall_ns: Callable[[], int],
+        monotonic_ns: Callable[[], int],
+    ) -> None:
+        self._rig = rig
+        self._unknown_is = unknown_is
+        self._version = version
+        self._wall_ns = wall_ns
+        self._monotonic_ns = monotonic_ns
+        self._started_ns = self._heard_ns = monotonic_ns()
+        self._stale_ns = max(STALE_NS, STALE_PERIODS * max(camera.period_ns for camera in rig.cameras))
+        self._pairs = {pair.name: _PairState(wall_ns()) for pair in rig.pairs}
+        self._stamps: Mapping[str, deque[int]] = {camera.name: deque(maxlen=RATE_FRAMES) for camera in rig.cameras}
+
+    def see(self, window: Window) -> None:
+        """Takes note of a window's stamps."""
+        self._heard_ns = self._monotonic_ns()
+        for name, triple in window.cameras.items():
+            if triple.current is not None:
+                self._stamps[name].append(triple.current.captured_ns)
+
+    def add(self, verdict: Verdict) -> bool:
+        """Takes note of a verdict; says whether the pair's lasting state has changed with it."""
+        pair = self._pairs[verdict.pair]
+        pair.verdicts += 1
+        pair.decided += verdict.state is not State.UNKNOWN
+        changed = pair.steady.add(verdict) is not None
+        if changed:
+            pair.since_ns = self._wall_ns()
+        if verdict.state is pair.steady.state:
+            pair.shown = verdict
+        return changed
+
+    def status(self, counters: Counters, dropped_windows: int) -> Status:
+        """The rig as it stands now."""
+        level, reasons = self._level()
+        now_ns = self._monotonic_ns()
+        return Status(
+            rig=self._rig.name,
+            at_ns=self._wall_ns(),
+            level=level,
+            reasons=reasons,
+            pairs={name: _pair_status(pair) for name, pair in self._pairs.items()},
+            cameras={
+                camera.name: CameraStatus(
+                    fps=_rate_hz(self._stamps[camera.name]),
+                    expected_fps=camera.fps,
+                    frames=counters.frames[camera.name],
+                    drops=counters.holes[camera.name],
+                )
+                for camera in self._rig.cameras
+            },
+            version=self._version,
+            uptime_s=(now_ns - self._started_ns) / NS_PER_S,
+            dropped_windows=dropped_windows,
+        )
+
+    def _level(self) -> tuple[Level, tuple[str, ...]]:
+        silent_ns = self._monotonic_ns() - self._heard_ns
+        if silent_ns > self._stale_ns:
+            return Level.STALE, (f"no frames for {silent_ns / NS_PER_S:.0f} s",)
+        wrong = [v for v in self._shown() if v.state is State.ASYNC]
+        if wrong:
+            return Level.ERROR, tuple(f"{v.pair}: {describe_offset(v)}{_because(v)}" for v in wrong)
+        unsure = [v for v in self._shown() if v.state is State.UNKNOWN]
+        if unsure and self._unknown_is is not Level.OK:
+            return self._unknown_is, tuple(
+                f"{v.pair}: cannot tell ({v.reason.value if v.reason else ''})" for v in unsure
+            )
+        return Level.OK, ()
+
+    def _shown(self) -> list[Verdict]:
+        return [pair.shown for pair in self._pairs.values() if pair.shown is not None]
+
+
+def _because(verdict: Verdict) -> str:
+    return f" ({verdict.cause.value})" if verdict.cause else ""
+
+
+def _pair_status(pair: _PairState) -> PairStatus:
+    shown = pair.shown
+    return PairStatus(
+        state=shown.state if shown else State.UNKNOWN,
+        cause=shown.cause if shown else None,
+        since_ns=pair.since_ns,
+        offset_ns=shown.offset_ns if shown else None,
+        sigma_ns=shown.sigma_ns if shown else None,
+        coverage=pair.decided / pair.verdicts if pair.verdicts else 0.0,
+    )
+
+
+def _rate_hz(stamps: deque[int]) -> float | None:
+    if len(stamps) < 2 or stamps[-1] <= stamps[0]:
+        return None
+    return (len(stamps) - 1) * NS_PER_S / (stamps[-1] - stamps[0])

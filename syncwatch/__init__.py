@@ -1,0 +1,51 @@
+"""syncwatch: were the frames of this rig really taken at the same moment?
+
+What other programs may import: the records a source delivers and a sink receives, the Protocols both keep, and the
+base of their settings.
+"""
+
+from pipeline.errors import InputError, RunError, SyncwatchError
+from pipeline.frame import (
+    Camera,
+    Detector,
+    Frame,
+    Pair,
+    Rig,
+    Source,
+    StampOrigin,
+    StampReference,
+    Triple,
+    Truth,
+    Window,
+)
+from pipeline.settings import Settings
+from pipeline.verdict import Basis, Cause, Event, Evidence, Level, Reason, Report, Sink, State, Status, Verdict
+
+__all__ = [
+    "Basis",
+    "Camera",
+    "Cause",
+    "Detector",
+    "Event",
+    "Evidence",
+    "Frame",
+    "InputError",
+    "Level",
+    "Pair",
+    "Reason",
+    "Report",
+    "Rig",
+    "RunError",
+    "Settings",
+    "Sink",
+    "Source",
+    "StampOrigin",
+    "StampReference",
+    "State",
+    "Status",
+    "SyncwatchError",
+    "Triple",
+    "Truth",
+    "Verdict",
+    "Window",
+]

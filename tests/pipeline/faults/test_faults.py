@@ -1,0 +1,205 @@
+"""What each recipe does to stamps, ids and pictures, slot by slot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.assemble import KINDS
+from pipeline.errors import InputError
+from pipeline.faults.base import Fault
+from pipeline.faults.source import FaultedSource
+from pipeline.frame import Camera, Frame, Picture
+from tests.frames import PERIOD_NS, frame
+
+COUNT = 10
+
+
+class Scripted:
+    """Two cameras, ten frames; the picture, stamp and id of frame n all say n."""
+
+    live = False
+    frame_count = COUNT
+
+    def __init__(self, *, grouped: bool = True) -> None:
+        self.cameras: Sequence[Camera] = (Camera("left", 10), Camera("right", 10))
+        self.closed = False
+        self._grouped = grouped
+
+    def open(self) -> None:
+        pass
+
+    def frames(self) -> Iterator[Frame]:
+        for n in range(COUNT):
+            for camera in self.cameras:
+                group = n + 100 if self._grouped else None
+                yield frame(camera.name, n * PERIOD_NS, n, group=group, image=np.full((2, 2), n, np.uint8))
+
+    def stop(self) -> None:
+        pass
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Rendered(Scripted):
+    """The same, but any moment can be shown: the picture is the moment in tenths of a period."""
+
+    def frames(self) -> Iterator[Frame]:
+        from dataclasses import replace
+
+        from pipeline.frame import Truth
+
+        for item in super().frames():
+            yield replace(item, truth=Truth(item.captured_ns))
+
+    def picture_at(self, camera: str, shown_ns: int) -> Picture:
+        return np.full((2, 2), 10 * shown_ns // PERIOD_NS, np.uint8)
+
+
+def faulted(*faults: dict[str, Any], source: Scripted | None = None, seed: int = 0) -> FaultedSource:
+    inner = source or Scripted()
+    renderer = inner if isinstance(inner, Rendered) else None
+
+    def make(cameras: Sequence[Camera]) -> list[Fault]:
+        kinds = [(KINDS.tables["faults"][fault["type"]], fault) for fault in faults]
+        return [
+            kind.build(kind.settings.model_validate(fault), tuple(cameras), seed, renderer) for kind, fault in kinds
+        ]
+
+    return FaultedSource(inner, make)
+
+
+def right(*faults: dict[str, Any], **options: Any) -> dict[int, tuple[int, int | None, int]]:
+    """The right camera's slots: stamp in periods, id, picture."""
+    source = faulted(*faults, **options)
+    source.open()
+    frames = [item for item in source.frames() if item.camera == "right"]
+    return {item.group: (item.captured_ns // PERIOD_NS, item.sequence, int(item.image[0, 0])) for item in frames}
+
+
+def left(*faults: dict[str, Any]) -> list[tuple[int, int | None, int]]:
+    source = faulted(*faults)
+    source.open()
+    frames = [item for item in source.frames() if item.camera == "left"]
+    return [(item.captured_ns // PERIOD_NS, item.sequence, int(item.image[0, 0])) for item in frames]
+
+
+CLEAN = {100 + n: (n, n, n) for n in range(COUNT)}
+
+
+def test_a_slip_puts_picture_and_stamp_of_a_later_frame_under_the_slots_id():
+    slots = right({"type": "slip", "frames": 1, "start_s": 0.3, "stop_s": 0.6})
+    assert slots == {**CLEAN, 103: (4, 3, 4), 104: (5, 4, 5), 105: (6, 5, 6)}
+
+
+def test_a_stale_slip_leaves_the_first_slot_empty():
+    slots = right({"type": "slip", "frames": -1})
+    assert slots == {100 + n: (n - 1, n, n - 1) for n in range(1, COUNT)}
+
+
+def test_a_slip_past_the_end_leaves_the_last_slots_empty():
+    assert max(right({"type": "slip", "frames": 3})) == 106
+
+
+def test_a_content_shift_changes_the_picture_alone():
+    assert right({"type": "content_shift", "frames": -2, "start_s": 0.5}) == {
+        **CLEAN,
+        **{100 + n: (n, n, n - 2) for n in range(5, COUNT)},
+    }
+
+
+def test_a_seq_offset_changes_ids_alone():
+    assert right({"type": "seq_offset", "ids": 7}) == {100 + n: (n, n + 7, n) for n in range(COUNT)}
+
+
+def test_a_drop_leaves_slots_empty_and_a_gap_in_the_ids():
+    slots = right({"type": "drop", "every": 4})
+    assert slots == {slot: value for slot, value in CLEAN.items() if slot not in {103, 107}}
+
+
+def test_a_renumbered_drop_shows_no_gap_in_the_ids():
+    slots = right({"type": "drop", "every": 4, "renumber": True})
+    assert [value[1] for value in slots.values()] == list(range(8))
+    assert [value[0] for value in slots.values()] == [0, 1, 2, 4, 5, 6, 8, 9]
+
+
+def test_random_drops_follow_the_seed():
+    drop = {"type": "drop", "probability": 0.5}
+    assert right(drop, seed=1) == right(drop, seed=1)
+    assert len({tuple(right(drop, seed=seed)) for seed in range(8)}) > 4
+
+
+def test_a_frozen_camera_repeats_its_picture_under_new_stamps_and_ids():
+    slots = right({"type": "frozen", "start_s": 0.4, "stop_s": 0.8})
+    assert slots == {**CLEAN, **{100 + n: (n, n, 4) for n in range(4, 8)}}
+
+
+def test_stamps_drift_from_the_onset_and_fast_is_positive():
+    source = faulted({"type": "stamp_drift", "ppm": 1000, "start_s": 0.2})
+    source.open()
+    drifts = [item.captured_ns - item.sequence * PERIOD_NS for item in source.frames() if item.camera == "right"]
+    assert drifts == [0, 0, *(n * PERIOD_NS // 1000 for n in range(8))]
+
+
+def test_the_other_camera_is_left_alone():
+    for name in KINDS.tables["faults"]:
+        fault = {"type": name, "start_s": 0.2, **({"every": 2} if name == "drop" else {})}
+        assert left(fault) == list(CLEAN.values()), name
+
+
+def test_the_camera_can_be_named():
+    assert right({"type": "seq_offset", "camera": "left"}) == CLEAN
+
+
+def test_faults_compose_in_order():
+    slots = right({"type": "slip", "frames": 1}, {"type": "content_shift", "frames": -1})
+    assert slots[105] == (6, 5, 5)
+
+
+def test_without_groups_the_slots_are_those_of_the_rigs_own_pairing():
+    slots = right({"type": "slip", "frames": 1, "start_s": 0.5}, source=Scripted(grouped=False))
+    assert slots == {n: (n + (n >= 5), n, n + (n >= 5)) for n in range(COUNT - 1)}
+
+
+def test_the_truth_of_what_is_shown_is_noted():
+    source = faulted({"type": "content_shift", "frames": -1, "start_s": 0.5})
+    source.open()
+    truths = [item.truth for item in source.frames() if item.camera == "right"]
+    assert [truth.shown_ns // PERIOD_NS for truth in truths] == [0, 1, 2, 3, 4, 4, 5, 6, 7, 8]
+    assert [truth.faults for truth in truths] == [()] * 5 + [("content_shift",)] * 5
+
+
+def test_a_fraction_of_a_frame_is_rendered():
+    slots = right({"type": "slip", "frames": 0.5, "start_s": 0.5}, source=Rendered())
+    assert slots[105] == (5, 5, 55)
+
+
+def test_a_fraction_of_a_recording_is_refused():
+    with pytest.raises(InputError, match="only rendered pictures"):
+        faulted({"type": "slip", "frames": 0.5}).open()
+
+
+def test_a_source_whose_faults_are_refused_is_closed():
+    source = Scripted()
+    with pytest.raises(InputError):
+        faulted({"type": "slip", "frames": 0.5}, source=source).open()
+    assert source.closed
+
+
+def test_a_camera_that_does_not_exist_is_refused_with_those_that_do():
+    with pytest.raises(InputError, match="no camera 'top': this rig has left, right"):
+        faulted({"type": "slip", "camera": "top"}).open()
+
+
+@pytest.mark.parametrize(
+    "settings", [{"start_s": 2, "stop_s": 1}, {"start_s": -1}, {"probability": 0.1, "every": 3}, {}, {"probability": 2}]
+)
+def test_settings_that_make_no_sense_are_refused(settings):
+    with pytest.raises(ValueError, match=r"stop_s|start_s|either|less than"):
+        KINDS.tables["faults"]["drop"].settings.model_validate(
+            {"every": 3, **settings} if "_s" in str(settings) else settings
+        )

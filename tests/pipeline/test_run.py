@@ -1,0 +1,230 @@
+"""The life cycle of a run: what ends it, what is kept, and that it never hangs."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import pytest
+
+import pipeline.run
+from pipeline.buffer import BufferSettings, WindowBuffer
+from pipeline.conditions import Conditions
+from pipeline.detectors.timestamp import TimestampDetector, TimestampSettings
+from pipeline.errors import InputError, RunError
+from pipeline.frame import Detector, Frame, Window
+from pipeline.judge import Judge, JudgeSettings
+from pipeline.run import Parts, Run
+from pipeline.status import StatusKeeper
+from pipeline.verdict import Evidence, Level, Sink
+from syncwatch.testing import ListSink, ScriptedSource, Step
+from tests.frames import PERIOD_NS, RIG, frame
+
+
+def frames(count: int, start: int = 0, right_ns: int = 0) -> list[Frame]:
+    return [
+        frame(name, n * PERIOD_NS + right_ns * (name == "right"), n, group=n)
+        for n in range(start, start + count)
+        for name in ("left", "right")
+    ]
+
+
+def run_of(
+    steps: Iterable[Step], *sinks: Sink, live: bool = False, detector: Detector | None = None, **options: Any
+) -> Run:
+    timestamp = TimestampDetector(TimestampSettings(), name="timestamp", rig=RIG, classic=False)
+    return Run(
+        Parts(
+            source=ScriptedSource(RIG.cameras, steps, live=live),
+            buffer=WindowBuffer(RIG.cameras, BufferSettings()),
+            detectors={"timestamp": detector or timestamp},
+            judge=Judge(JudgeSettings(), RIG),
+            status=StatusKeeper(
+                RIG, unknown_is=Level.OK, version="0", wall_ns=time.time_ns, monotonic_ns=time.monotonic_ns
+            ),
+            conditions=Conditions("bench", time.time_ns),
+            sinks={f"sink{index}": sink for index, sink in enumerate(sinks)},
+        ),
+        **options,
+    )
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch):
+    monkeypatch.setattr(pipeline.run, "PATIENCE_S", 0.5)
+
+
+class Failing:
+    def observe(self, window: Window) -> Sequence[Evidence]:
+        if window.index == 5:
+            raise ZeroDivisionError("division by zero")
+        return []
+
+
+class Slow:
+    def __init__(self) -> None:
+        self.seen: list[Window] = []
+        self.go = threading.Event()
+
+    def observe(self, window: Window) -> Sequence[Evidence]:
+        self.seen.append(window)
+        self.go.wait(5)
+        return []
+
+
+def test_every_frame_of_a_recording_is_judged_and_told_in_order():
+    sink = ListSink()
+    run_of(frames(3000), sink).execute()
+    assert [verdict.frame for verdict in sink.verdicts] == list(range(3000))
+    assert sink.calls == ["start", "stop"]
+
+
+def test_onset_and_end_reach_the_sinks_and_status_follows_the_change():
+    sink = ListSink()
+    run_of([*frames(10), *frames(10, 10, PERIOD_NS), *frames(10, 20)], sink).execute()
+    assert [(event.phase, event.pair) for event in sink.events] == [("onset", "left-right"), ("end", "left-right")]
+    assert [status.level for status in sink.statuses].count(Level.ERROR) >= 1
+    assert sink.statuses[-1].level is Level.OK
+    assert sink.statuses[-1].cameras["right"].frames == 30
+
+
+@pytest.mark.parametrize(
+    ("error", "expected", "text"),
+    [
+        (InputError("left/7.png is truncated"), InputError, "left/7.png is truncated"),
+        (ValueError("odd"), RunError, "the source failed: ValueError: odd"),
+    ],
+)
+def test_a_source_that_raises_ends_the_run_and_what_it_delivered_is_judged(error, expected, text):
+    sink = ListSink()
+    with pytest.raises(expected, match=text):
+        run_of([*frames(7), error], sink).execute()
+    assert len(sink.verdicts) == 7
+    assert sink.calls == ["start", "stop"]
+
+
+def test_a_detector_that_raises_ends_the_run_and_names_itself():
+    sink = ListSink()
+    with pytest.raises(RunError, match="detector 'timestamp' failed at window 5: ZeroDivisionError: division by zero"):
+        run_of(frames(100), sink, detector=Failing()).execute()
+    assert len(sink.verdicts) == 5
+
+
+def test_a_sink_that_raises_ends_the_run_and_the_others_finish():
+    good, bad = ListSink(), ListSink(fail_at=3)
+    with pytest.raises(RunError, match="sink 'sink1' failed: OSError: disk full"):
+        run_of(frames(100_000), good, bad).execute()
+    assert len(bad.reports) == 3
+    assert good.calls == bad.calls == ["start", "stop"]
+
+
+def test_a_sink_that_cannot_start_ends_the_run_before_the_source_is_read():
+    class Broken(ListSink):
+        def start(self) -> None:
+            raise InputError("no such folder")
+
+    run = run_of(frames(10), Broken())
+    with pytest.raises(InputError, match="no such folder"):
+        run.execute()
+
+
+def test_a_sink_that_is_stuck_cannot_hang_the_end():
+    hold = threading.Event()
+    with pytest.raises(RunError, match=r"sink 'sink0' did not finish within .* reports lost"):
+        run_of(frames(50), ListSink(lossless=False, hold=hold)).execute()
+    hold.set()
+
+
+def test_a_stuck_sink_does_not_falsify_what_the_others_are_told():
+    hold = threading.Event()
+    good = ListSink()
+    with pytest.raises(RunError):
+        run_of(frames(5000), good, ListSink(lossless=False, hold=hold)).execute()
+    hold.set()
+    assert [verdict.frame for verdict in good.verdicts] == list(range(5000))
+
+
+def test_a_recording_waits_for_a_lossless_sink(monkeypatch):
+    monkeypatch.setattr(pipeline.run, "REPORTS_AHEAD", 5)
+
+    class Slowish(ListSink):
+        def take(self, report):
+            time.sleep(0.0005)
+            super().take(report)
+
+    sink = Slowish()
+    run_of(frames(300), sink).execute()
+    assert len(sink.verdicts) == 300
+
+
+def test_stopping_judges_what_was_delivered_and_ends_in_order():
+    never = threading.Event()
+    sink = ListSink()
+    run = run_of([*frames(20), never], sink)
+    threading.Timer(0.3, run.stop).start()
+    run.execute()
+    assert len(sink.verdicts) == 20
+    assert sink.calls == ["start", "stop"]
+
+
+def test_a_run_can_stop_by_itself_after_a_time():
+    sink = ListSink()
+    run_of([*frames(20), threading.Event()], sink, stop_after_s=0.2).execute()
+    assert len(sink.verdicts) == 20
+
+
+def test_stopping_before_starting_is_safe():
+    run = run_of(frames(5), ListSink())
+    run.stop()
+    run.execute()
+
+
+def test_a_source_that_does_not_stop_is_given_up():
+    class Stubborn(ScriptedSource):
+        def stop(self) -> None:
+            pass
+
+    hold = threading.Event()
+    run = run_of([], ListSink(), stop_after_s=0.1)
+    run._parts.source = Stubborn(RIG.cameras, [*frames(3), hold])
+    with pytest.raises(RunError, match="the source did not stop within"):
+        run.execute()
+    hold.set()
+
+
+def test_a_slow_detector_drops_whole_windows_of_a_live_rig_oldest_first():
+    slow, sink = Slow(), ListSink()
+    more = threading.Event()
+    run = run_of([*frames(50), more], sink, live=True, detector=slow)
+    runner = threading.Thread(target=run.execute)
+    runner.start()
+    deadline = time.monotonic() + 5
+    while run._windows.dropped < 40 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    slow.go.set()
+    more.set()
+    runner.join(5)
+    indices = [window.index for window in slow.seen]
+    assert indices[-1] == 49
+    assert indices == sorted(indices)
+    assert sink.statuses[-1].dropped_windows == 50 - len(indices)
+    for seen in slow.seen:
+        left, right = (seen.cameras[name].current for name in ("left", "right"))
+        assert left.sequence == right.sequence
+
+
+def test_the_source_is_closed_after_the_run():
+    run = run_of(frames(3), ListSink())
+    run.execute()
+    assert run._parts.source.calls[-1] == "close"
+
+
+def test_a_silent_rig_becomes_stale():
+    sink = ListSink()
+    clock = iter(range(0, 10**15, 10**9))
+    run = run_of([*frames(5), threading.Event()], sink, stop_after_s=30, monotonic_ns=lambda: next(clock))
+    run._parts.status._monotonic_ns = lambda: next(clock)
+    run.execute()
+    assert sink.statuses[-1].level is Level.STALE
