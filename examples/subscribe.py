@@ -1,0 +1,98 @@
+"""Prints the status and the events of every rig on this machine.
+
+    python examples/subscribe.py
+
+    --connect tcp/host:7447   hear the rigs of a router instead
+    --rig NAME                only this rig
+    --json                    raw messages, one a line
+
+Events are heard with an advanced subscriber: one that comes late, or loses its connection for a while, gets them all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import threading
+
+import zenoh
+import zenoh.ext
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--connect", help="endpoint of a router, e.g. tcp/127.0.0.1:7447")
+    parser.add_argument("--prefix", default="syncwatch")
+    parser.add_argument("--rig", default="*")
+    parser.add_argument("--for", dest="seconds", type=float, help="stop after so many seconds")
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
+    root = f"{given.prefix}/{given.rig}"
+    printer = Printer(raw=given.json)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    with zenoh.open(config(given.connect)) as session:
+        session.declare_subscriber(f"{root}/status", printer.status)
+        session.liveliness().declare_subscriber(f"{root}/alive", printer.alive, history=True)
+        zenoh.ext.declare_advanced_subscriber(
+            session,
+            f"{root}/event",
+            printer.event,
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+            recovery=zenoh.ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
+        )
+        print("listening", flush=True)
+        stop.wait(given.seconds)
+
+
+def config(router: str | None) -> zenoh.Config:
+    """Through a router, or else peers on this machine only."""
+    made = zenoh.Config()
+    made.insert_json5("mode", '"client"' if router else '"peer"')
+    made.insert_json5("scouting/multicast/enabled", "false" if router else "true")
+    if router:
+        made.insert_json5("connect/endpoints", json.dumps([router]))
+        made.insert_json5("connect/retry", "{period_init_ms: 200, period_max_ms: 2000, period_increase_factor: 1.5}")
+    else:
+        made.insert_json5("scouting/multicast/interface", '"lo"')
+        made.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
+    return made
+
+
+class Printer:
+    """One line a message; a status only when its level or reasons have changed."""
+
+    def __init__(self, *, raw: bool) -> None:
+        self._raw = raw
+        self._lock = threading.Lock()  # each subscriber calls from a thread of its own
+        self._shown: dict[str, object] = {}
+
+    def status(self, sample: zenoh.Sample) -> None:
+        text = sample.payload.to_string()
+        message = json.loads(text)
+        state = (message["level"], message["reasons"])
+        if self._raw:
+            self._say(text)
+        elif self._shown.get(message["rig"]) != state:
+            self._shown[message["rig"]] = state
+            self._say(f"{message['rig']}: {message['level']} {'; '.join(message['reasons'])}".rstrip())
+
+    def event(self, sample: zenoh.Sample) -> None:
+        text = sample.payload.to_string()
+        message = json.loads(text)
+        self._say(text if self._raw else f"{message['rig']}: {message['phase']}: {message['text']}")
+
+    def alive(self, sample: zenoh.Sample) -> None:
+        here = sample.kind == zenoh.SampleKind.PUT
+        if not self._raw:
+            self._say(f"{sample.key_expr}: {'here' if here else 'gone'}")
+
+    def _say(self, line: str) -> None:
+        with self._lock:
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()

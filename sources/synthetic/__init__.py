@@ -1,0 +1,1 @@
+"""A rendered rig: a scene, how it moves, and the cameras that watch it."""
