@@ -14,7 +14,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { echo "syncwatch needs Python 3.10 or later: make PYTHON=python3.11 run" >&2; exit 2; }
 	@echo "Setting up .venv (a few packages, about a minute) ..." >&2
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	@PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
 run: $(INSTALLED)  ## watch a rendered rig go out of sync and back
@@ -25,6 +25,12 @@ test: $(INSTALLED)  ## everything CI runs: style, types, tests
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest
+
+classic: $(INSTALLED)  ## score the report's detectors on the real recordings, into docs/classic-algorithm.md
+	$(BIN)/python benchmarks/classic.py
+
+bench: $(INSTALLED)  ## what rendering costs, as a ratio to the report's spatial test
+	$(BIN)/python benchmarks/render.py
 
 clean:  ## remove what make made
 	rm -rf $(VENV) build dist *.egg-info

@@ -158,13 +158,10 @@ class Run:
             for sink in self._sinks:
                 sink.start()
                 started.append(sink)
-            self._reader.start()
-            self._detect()
+            self._judge_everything()
         except Exception as error:  # whatever it is, sinks and source are wound up first
             failures.append(_explained("judging failed", error))
         failures += self._stop_source()
-        self._report_all(self._parts.conditions.finish())
-        self._report_status()
         for sink in started:
             sink.finish()
         failures += [sink.failure for sink in started if sink.failure is not None]
@@ -176,6 +173,14 @@ class Run:
                 log.error("%s", other)
         if failures:
             raise failures[0]
+
+    def _judge_everything(self) -> None:
+        self._reader.start()
+        try:
+            self._detect()
+        finally:
+            self._report_all(self._parts.conditions.finish())
+            self._report_status()
 
     def _read(self) -> None:
         """The source's thread: frames in, windows out."""

@@ -56,17 +56,21 @@ class ConsoleSink:
         self._steady = {pair.name: Steady() for pair in rig.pairs}
         self._began_ns: int | None = None
         self._progress = _Progress(self._out, frame_count, now_s)
+        self._introduced = False
         self._headed = False
 
     def start(self) -> None:
         self._progress.start()
-        if self._style == "progress":
-            return
+
+    def _introduce(self) -> None:
         pairs = ", ".join(pair.name for pair in self._rig.pairs)
         rates = "/".join(dict.fromkeys(f"{camera.fps:g}" for camera in self._rig.cameras))
         self._out.print(f"{escape(self._rig.name)}: {pairs} at {rates} fps")
 
     def take(self, report: Report) -> None:
+        if not self._introduced and self._style != "progress":
+            self._introduced = True
+            self._introduce()
         if not isinstance(report, Verdict):
             return
         self._tally.add(report)
@@ -84,7 +88,7 @@ class ConsoleSink:
 
     def stop(self) -> None:
         self._progress.stop()
-        if self._style == "progress":
+        if not self._introduced:
             return
         for line in summary(self._tally):
             self._out.print(line)
@@ -156,7 +160,7 @@ class _Progress:
 def classic_lines(verdict: Verdict, *, many_pairs: bool) -> str:
     """A verdict as the report's terminal shows it (figure 4.3); stamps and interval are integers in nanoseconds."""
     pair = f" {verdict.pair}" if many_pairs else ""
-    lines = [f"Frame: {verdict.frame}{pair}\t{verdict.state.value.capitalize()}"]
+    lines = [f"Frame: {verdict.frame}{pair}    {verdict.state.value.capitalize()}"]
     if verdict.state is State.ASYNC:
         stamps = [f"{name.capitalize()}: {stamp}" for name, stamp in verdict.captured_ns.items()]
         lines += [f"Interval: {verdict.interval_ns}", f"Timestamps--> {'--> '.join(stamps)}"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 
 from pipeline.frame import Camera, Frame, Pair, Picture, Rig, Triple, Window
@@ -18,7 +19,7 @@ def frame(camera: str, captured_ns: int, sequence: int | None = None, **fields: 
     return Frame(camera=camera, sequence=sequence, captured_ns=captured_ns, **values)
 
 
-def window(index: int = 0, **cameras: Frame | None | tuple[Frame | None, Frame | None, Frame | None]) -> Window:
+def window(index: int = 0, **cameras: Frame | tuple[Frame | None, Frame | None, Frame | None] | None) -> Window:
     """A window; a camera given as one frame has no neighbours."""
     triples = {}
     for name, given in cameras.items():
@@ -29,7 +30,5 @@ def window(index: int = 0, **cameras: Frame | None | tuple[Frame | None, Frame |
 
 def texture(seed: int, width: int = 64, height: int = 48) -> Picture:
     """Random blobs: something to correlate."""
-    import cv2
-
     noise = np.random.default_rng(seed).integers(0, 256, (height, width), np.uint8)
     return np.asarray(cv2.GaussianBlur(noise, (0, 0), 1.5), np.uint8)

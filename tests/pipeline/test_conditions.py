@@ -35,33 +35,33 @@ def events(letters: str) -> tuple[list[tuple[str, int]], list[str]]:
 
 
 def test_a_state_that_lasts_is_a_change_dated_from_its_first_verdict():
-    assert changes("ssssaaaa") == [("sync", 0), ("async", 4)]
+    assert changes("ssssssaaaaaa") == [("sync", 0), ("async", 6)]
 
 
 def test_an_outlier_is_no_change():
-    assert changes("sssassaassss") == [("sync", 0)]
+    assert changes("sssssassaassaaaassss") == [("sync", 0)]
 
 
 def test_an_onset_and_an_end_make_two_events():
-    phases, texts = events("sssaaaasss")
-    assert phases == [("onset", 5), ("end", 9)]
-    assert texts == ["right is 5.0 ms later than left since frame 3", "left-right in sync again from frame 7"]
+    phases, texts = events("sssaaaaaasssss")
+    assert phases == [("onset", 7), ("end", 13)]
+    assert texts == ["right is 7.0 ms later than left since frame 3", "left-right in sync again from frame 9"]
 
 
 def test_unknown_neither_opens_nor_closes_an_event():
-    assert events("uuuuuaaauuuusss")[0] == [("onset", 7), ("end", 14)]
+    assert events("uuuuuaaaaauuuuuusssss")[0] == [("onset", 9), ("end", 20)]
 
 
 def test_what_is_open_at_the_end_is_closed():
-    assert events("sssaaaa")[0] == [("onset", 5), ("end", 7)]
+    assert events("sssaaaaaa")[0] == [("onset", 7), ("end", 9)]
 
 
 def test_the_end_repeats_the_onset_and_adds_until_and_the_worst_value():
     conditions = Conditions("bench", iter(range(1, 100)).__next__)
-    onset, end = (event for verdict in verdicts("sssaaaasss") for event in conditions.add(verdict))
+    onset, end = (event for verdict in verdicts("sssaaaaaasssss") for event in conditions.add(verdict))
     assert (end.id, end.since_ns, end.kind, end.camera) == (onset.id, 4, "async", "right")
-    assert (onset.until_ns, end.until_ns) == (None, 10)
-    assert (onset.worst_offset_ns, end.worst_offset_ns) == (5_000_000, 6_000_000)
+    assert (onset.until_ns, end.until_ns) == (None, 14)
+    assert (onset.worst_offset_ns, end.worst_offset_ns) == (7_000_000, 8_000_000)
 
 
 @given(st.text("sau", max_size=60))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from pipeline.assemble import KINDS
 from pipeline.errors import InputError
 from pipeline.faults.base import Fault
 from pipeline.faults.source import FaultedSource
-from pipeline.frame import Camera, Frame, Picture
+from pipeline.frame import Camera, Frame, Picture, Truth
 from tests.frames import PERIOD_NS, frame
 
 COUNT = 10
@@ -49,10 +50,6 @@ class Rendered(Scripted):
     """The same, but any moment can be shown: the picture is the moment in tenths of a period."""
 
     def frames(self) -> Iterator[Frame]:
-        from dataclasses import replace
-
-        from pipeline.frame import Truth
-
         for item in super().frames():
             yield replace(item, truth=Truth(item.captured_ns))
 

@@ -1,0 +1,1 @@
+"""The commands of syncwatch, one file a command or a few that belong together."""

@@ -1,0 +1,121 @@
+"""What commands share: finding the configuration, running it under signals, and saying what went wrong."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib import resources
+from pathlib import Path
+from types import FrameType
+from typing import Any, TextIO
+
+import click
+
+from pipeline.assemble import KINDS, assemble, build_source
+from pipeline.configtext.document import Document, load_file, load_text
+from pipeline.errors import InputError, SyncwatchError
+from pipeline.plan import Plan, make_plan
+from pipeline.run import Run
+from pipeline.verdict import Verdict
+
+DONE, FAILED, BAD_INPUT, OUT_OF_SYNC, CANNOT_TELL = 0, 1, 2, 3, 4
+CONFIG_NAME = "config.yaml"
+
+set_option = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set a value of the configuration, e.g. --set source.fps=10. May be given again.",
+)
+
+
+def shipped_config() -> str:
+    """The text of the default configuration."""
+    return resources.files("syncwatch").joinpath(CONFIG_NAME).read_text(encoding="utf-8")
+
+
+def read_config(path: str | None, overrides: Sequence[str]) -> tuple[Document, Path]:
+    """The configuration that was named, else the one in this folder, else the shipped one; and its folder.
+
+    Raises InputError.
+    """
+    if path is None and not Path(CONFIG_NAME).exists():
+        return load_text(shipped_config(), f"{CONFIG_NAME} (shipped)", os.environ, overrides), Path.cwd()
+    file = Path(path or CONFIG_NAME)
+    return load_file(file, os.environ, overrides), file.resolve().parent
+
+
+def read_plan(path: str | None, overrides: Sequence[str]) -> Plan:
+    document, base = read_config(path, overrides)
+    return make_plan(document, KINDS, base)
+
+
+def execute(
+    plan: Plan,
+    *,
+    console: TextIO,
+    on_verdict: Callable[[Verdict], None] = lambda _: None,
+    stop_after_s: float | None = None,
+) -> int:
+    """Runs the plan to its end. Returns 0, or 130 / 143 after SIGINT / SIGTERM. Raises SyncwatchError."""
+    source = build_source(plan)
+    source.open()
+    try:
+        parts = assemble(plan, source, console=console, on_verdict=on_verdict)
+    except BaseException:
+        source.close()
+        raise
+    run = Run(parts, stop_after_s=stop_after_s)
+    with _stopped_by_signals(run) as received:
+        run.execute()
+    return 128 + received[0] if received else DONE
+
+
+@contextmanager
+def _stopped_by_signals(run: Run) -> Iterator[list[int]]:
+    """The first SIGINT or SIGTERM ends the run in order, a second one at once."""
+    received: list[int] = []
+
+    def handle(number: int, _: FrameType | None) -> None:
+        received.append(number)
+        run.stop()
+        for other, action in before.items():
+            signal.signal(other, action)
+
+    before: Mapping[signal.Signals, Any] = {}
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield received
+    finally:
+        for number, action in before.items():
+            signal.signal(number, action)
+
+
+def set_up_logging(*, verbose: bool) -> None:
+    """Everything that is not a result goes to stderr, one line each."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_OneLine())
+    root = logging.getLogger("syncwatch")
+    root.handlers = [handler]
+    root.setLevel(logging.DEBUG if verbose else logging.INFO)
+    root.propagate = False
+
+
+class _OneLine(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        level = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
+        text = f"syncwatch: {level}{record.getMessage()}"
+        return text + ("\n" + self.formatException(record.exc_info) if record.exc_info else "")
+
+
+def report(error: SyncwatchError) -> int:
+    """Prints the error for people; returns the exit status."""
+    text = str(error)
+    placed = ": error: " in text
+    click.echo(text if placed else f"syncwatch: error: {text}", err=True)
+    return BAD_INPUT if isinstance(error, InputError) else FAILED

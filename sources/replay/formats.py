@@ -1,0 +1,86 @@
+"""The table of recording formats, and which of them a path holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import InputError
+from sources.replay import euroc, files, folders, videos
+from sources.replay.streams import Recording, Request
+
+EXPECTED = (
+    "expected mav0/cam0/data.csv and mav0/cam1/data.csv (EuRoC), two or more folders of pictures, or two or more videos"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """How a recording format is told by content, and read.
+
+    matches:     whether the paths hold a recording of it with two or more cameras; cheap, decodes nothing.
+    lone_camera: the only camera that a path holds in this format, in words, or None.
+    """
+
+    matches: Callable[[Sequence[Path]], bool]
+    lone_camera: Callable[[Path], str | None]
+    read: Callable[[Request], Recording]
+
+
+FORMATS: Mapping[str, Format] = {
+    "euroc": Format(euroc.matches, euroc.lone_camera, euroc.read),
+    "folders": Format(folders.matches, folders.lone_camera, folders.read),
+    "videos": Format(videos.matches, videos.lone_camera, videos.read),
+}
+"""In the order in which they are tried."""
+
+
+def recognise(paths: Sequence[Path], wanted: str = "auto") -> str:
+    """The name of the format that `paths` hold: one recording, or one stream a camera. Decodes nothing.
+
+    Raises InputError that says what was found instead.
+    """
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"no such file or folder: {path}")
+    tried = FORMATS if wanted == "auto" else {wanted: FORMATS[wanted]}
+    for name, recording_format in tried.items():
+        if recording_format.matches(paths):
+            return name
+    if wanted != "auto" and any(other.matches(paths) for other in FORMATS.values()):
+        found = next(name for name, other in FORMATS.items() if other.matches(paths))
+        raise InputError(f"{paths[0]}: not in the format '{wanted}': it looks like '{found}'")
+    raise _not_several(paths) if len(paths) > 1 else _not_a_recording(paths[0])
+
+
+def read_recording(request: Request) -> Recording:
+    """Reads what is cheap to know of a recording: its streams, but no picture."""
+    return FORMATS[recognise(request.paths, request.settings.format)].read(request)
+
+
+def _not_a_recording(path: Path) -> InputError:
+    if path.is_dir() and files.is_empty(path):
+        return InputError(f"{path} is empty: {EXPECTED}")
+    for recording_format in FORMATS.values():
+        lone = recording_format.lone_camera(path)
+        if lone is not None:
+            return InputError(
+                f"{path}: one camera only ({lone}): two or more are needed; "
+                "give the folder that holds all cameras, or one path a camera"
+            )
+    if files.is_picture(path):
+        return InputError(f"{path}: a single picture: {EXPECTED}")
+    return InputError(f"{path}: no recording that is known: {EXPECTED}")
+
+
+def _not_several(paths: Sequence[Path]) -> InputError:
+    a_folder = next((path for path in paths if path.is_dir()), None)
+    a_file = next((path for path in paths if not path.is_dir()), None)
+    if a_folder is not None and a_file is not None:
+        return InputError(
+            f"{a_folder} is a folder and {a_file} is a file: "
+            "several paths are all folders of pictures, or all videos, one a camera"
+        )
+    odd = next(path for path in paths if not files.is_video(path))
+    return InputError(f"{odd}: not a video: expected one of {', '.join(files.VIDEO_SUFFIXES)}")

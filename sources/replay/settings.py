@@ -1,0 +1,47 @@
+"""The settings of a replayed recording: where it is, how its frames pair, and how fast it runs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
+
+from pipeline.settings import Settings
+
+PathText = Annotated[str, Field(min_length=1)]
+Name = Annotated[str, Field(pattern="^[a-z0-9_]+$")]
+
+
+class ReplaySettings(Settings):
+    """A recording, as one folder, or as one folder of pictures or one video a camera.
+
+    path:         relative paths count from the configuration's folder, or from the current one on the command line.
+    format:       `auto` recognises it by content.
+    fps:          frame rate in Hz; left out: the recording's own, 30 when it has none.
+    speed:        1.0 is real time, 2.0 twice as fast, `max` as fast as it is judged.
+    cameras:      names in the order of the streams (natural order in one folder, else the order of `path`).
+    pair_by:      `number` (last digits of the file name), `index` (place in natural order) or `time` (timestamps).
+    trust_stamps: judge by timestamps that were made up from `fps`, too.
+    """
+
+    type: Literal["replay"] = "replay"
+    path: PathText | Annotated[list[PathText], Field(min_length=1)]
+    format: Literal["auto", "euroc", "folders", "videos"] = "auto"
+    fps: float | None = Field(default=None, gt=0, le=100_000)
+    speed: Annotated[float, Field(gt=0)] | Literal["max"] = "max"
+    loop: bool = False
+    cameras: list[Name] | None = None
+    pair_by: Literal["auto", "number", "index", "time"] = "auto"
+    trust_stamps: bool = False
+
+    @field_validator("cameras")
+    @classmethod
+    def _unique(cls, names: list[str] | None) -> list[str] | None:
+        repeated = sorted({name for name in names or [] if (names or []).count(name) > 1})
+        if repeated:
+            raise ValueError(f"camera names must differ: '{repeated[0]}' is given twice")
+        return names
+
+    @property
+    def paths(self) -> list[str]:
+        return [self.path] if isinstance(self.path, str) else list(self.path)

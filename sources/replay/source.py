@@ -1,0 +1,129 @@
+"""A source that replays a recording: every frame in order, at full speed or paced by its timestamps."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.frame import NS_PER_S, Camera, Frame, Picture
+from sources.replay.formats import read_recording
+from sources.replay.merge import Merge
+from sources.replay.notices import Notices
+from sources.replay.pictures import PictureMaker
+from sources.replay.rounds import Round
+from sources.replay.settings import ReplaySettings
+from sources.replay.streams import Entry, Recording, Request, Stream
+
+LONGEST_WAIT_S = 3600.0
+"""A wait is repeated until its moment has come; a single one of any length would overflow."""
+
+
+class ReplaySource:
+    """Implements Source; never `live`, since a recording can always wait.
+
+    `base` is the folder from which relative paths count; `clock_ns` stamps arrivals and paces.
+    """
+
+    live = False
+
+    def __init__(
+        self, settings: ReplaySettings, *, base: Path, clock_ns: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        self._settings = settings
+        self._base = base
+        self._clock_ns = clock_ns
+        self._notices = Notices()
+        self._stopped = threading.Event()
+        self._recording: Recording | None = None
+        self._makers: dict[str, PictureMaker] = {}
+        self._started: tuple[int, int] | None = None
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        return tuple(Camera(stream.name, stream.fps) for stream in self._streams)
+
+    @property
+    def frame_count(self) -> int | None:
+        return None if self._settings.loop or not self._streams else self._streams[0].count
+
+    def open(self) -> None:
+        """Recognises the recording and decodes the first picture of every camera."""
+        paths = [self._base / _expanded(text) for text in self._settings.paths]
+        recording = read_recording(Request(paths, self._settings, self._notices))
+        self._makers = {stream.name: PictureMaker(stream.name, self._notices) for stream in recording.streams}
+        for stream in recording.streams:
+            with closing(stream.entries()) as entries:
+                first = next(entries, None)
+                if first is None:
+                    raise InputError(f"{stream.where}: not one picture in it can be decoded")
+                self._picture(stream, first)
+        self._recording = recording
+
+    def frames(self) -> Iterator[Frame]:
+        assert self._recording is not None, "open comes first"
+        round_ = Round()
+        while True:
+            merge = Merge(self._streams)
+            with closing(merge.entries()) as entries:
+                for stream, entry in entries:
+                    if self._stopped.is_set():
+                        return
+                    image = self._picture(stream, entry)
+                    if self._stops_before(round_.shift_ns + entry.captured_ns - stream.origin_ns):
+                        return
+                    round_.saw(stream, entry)
+                    yield self._frame(self._recording, stream, entry, image, round_)
+            if (said := merge.said()) is not None:
+                self._notices.warning(said)
+            if not self._settings.loop or round_.is_empty:
+                return
+            round_ = round_.following(max(stream.period_ns for stream in self._streams))
+
+    def stop(self) -> None:
+        self._stopped.set()
+
+    def close(self) -> None:
+        self.stop()
+
+    @property
+    def _streams(self) -> tuple[Stream, ...]:
+        return self._recording.streams if self._recording is not None else ()
+
+    def _picture(self, stream: Stream, entry: Entry) -> Picture:
+        return self._makers[stream.name].make(entry.load(), entry.where)
+
+    def _frame(self, recording: Recording, stream: Stream, entry: Entry, image: Picture, round_: Round) -> Frame:
+        return Frame(
+            camera=stream.name,
+            sequence=entry.sequence + round_.shift_sequence,
+            captured_ns=entry.captured_ns + round_.shift_ns,
+            clock=recording.clock,
+            arrived_ns=self._clock_ns(),
+            image=image,
+            group=None if entry.group is None else entry.group + round_.shift_group,
+            stamp_origin=recording.stamp_origin,
+        )
+
+    def _stops_before(self, at_ns: int) -> bool:
+        """Waits until `at_ns` in the recording is due; whether `stop` came first."""
+        if self._settings.speed == "max":
+            return False
+        if self._started is None:
+            self._started = (self._clock_ns(), at_ns)
+        started_ns, first_ns = self._started
+        due_ns = started_ns + round((at_ns - first_ns) / self._settings.speed)
+        while (early_ns := due_ns - self._clock_ns()) > 0:
+            if self._stopped.wait(min(early_ns / NS_PER_S, LONGEST_WAIT_S)):
+                return True
+        return False
+
+
+def _expanded(text: str) -> Path:
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:  # ~name of a user who does not exist: then it is a file name
+        return Path(text)

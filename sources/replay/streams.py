@@ -1,0 +1,104 @@
+"""What every recording format is read into: streams of entries, one a camera, whose pictures are not loaded yet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+from typing import Any, TypeAlias
+
+import numpy.typing as npt
+
+from pipeline.frame import NS_PER_S, StampOrigin
+from sources.replay.notices import Notices
+from sources.replay.settings import ReplaySettings
+
+Raw: TypeAlias = npt.NDArray[Any]
+"""A picture as its decoder returns it: any depth, any number of channels."""
+
+DEFAULT_FPS = 30.0
+SAME_EPOCH_NS = 2 * NS_PER_S
+"""Cameras whose timestamps lie further apart than this, end to start, do not share a clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One frame of a stream. `load` reads its picture, at most once and before the next entry is asked for."""
+
+    sequence: int
+    group: int | None
+    captured_ns: int
+    where: str
+    load: Callable[[], Raw]
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """One camera's frames in order, as often as `entries` is called. `origin_ns` is the stamp at which it starts."""
+
+    name: str
+    where: Path
+    fps: float
+    count: int | None
+    entries: Callable[[], Generator[Entry, None, None]]
+    origin_ns: int = 0
+
+    @property
+    def period_ns(self) -> int:
+        return round(NS_PER_S / self.fps)
+
+    def place(self, entry: Entry) -> int:
+        """Where `entry` stands in the recording, comparable over its streams."""
+        return entry.group if entry.group is not None else entry.captured_ns - self.origin_ns
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """All streams of a recording, in the order of its cameras."""
+
+    streams: tuple[Stream, ...]
+    stamp_origin: StampOrigin
+    clock: str = "recording"
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a format needs to read a recording."""
+
+    paths: Sequence[Path]
+    settings: ReplaySettings
+    notices: Notices
+
+    @property
+    def as_given(self) -> bool:
+        """Whether the user listed the streams one by one, so that their order is meant."""
+        return len(self.paths) > 1
+
+    def fps(self, known: float | None) -> float:
+        """The rate the user gave, else the one the recording tells, else a guess that is said."""
+        if self.settings.fps is not None:
+            return self.settings.fps
+        if known is None:
+            self.notices.warning(f"no frame rate known: {DEFAULT_FPS:g} is assumed; give --fps or source.fps")
+        return known or DEFAULT_FPS
+
+
+def fps_of(stamps_ns: Sequence[int]) -> float | None:
+    """The frame rate in Hz by the median interval; None when no two stamps follow one another."""
+    intervals = [after - before for before, after in pairwise(stamps_ns) if after > before]
+    return NS_PER_S / median(intervals) if intervals else None
+
+
+def synthesised_ns(index: int, fps: float) -> int:
+    return round(index * NS_PER_S / fps)
+
+
+def origins_ns(stamps_ns: Sequence[Sequence[int]], notices: Notices) -> list[int]:
+    """When each stream starts on its clock: together if the stamps overlap, else each with its own first frame."""
+    firsts, lasts = [min(stamps) for stamps in stamps_ns], [max(stamps) for stamps in stamps_ns]
+    if max(firsts) - min(lasts) <= SAME_EPOCH_NS:
+        return [min(firsts)] * len(firsts)
+    notices.warning("the cameras' timestamps do not overlap: each camera's time is counted from its own first frame")
+    return firsts

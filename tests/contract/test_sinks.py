@@ -1,0 +1,55 @@
+"""What every kind of sink promises."""
+
+from __future__ import annotations
+
+import io
+import uuid
+
+import pytest
+
+from pipeline.verdict import Basis, Cause, Event, Level, Sink, State, Status, Verdict
+from sinks.console import ConsoleSettings, ConsoleSink
+from sinks.jsonl import JsonlSettings, JsonlSink
+from sinks.zenoh import ZenohSettings, ZenohSink
+from syncwatch.testing import ListSink
+from tests.frames import RIG
+
+REPORTS = [
+    Verdict("bench", "left-right", 0, State.SYNC, Basis.CONTENT, captured_ns={"left": 0, "right": None}),
+    Verdict("bench", "left-right", None, State.ASYNC, Basis.NONE, cause=Cause.MISSING),
+    Event("bench", "a-1", "async", "onset", "left-right", "right", Cause.SLIP, 1, None, 33_000_000, "late"),
+    Event("bench", "a-1", "async", "end", "left-right", "right", Cause.SLIP, 1, 2, None, "in sync again"),
+    Status("bench", 1, Level.ERROR, ("left-right: late",), {}, {}, "0", 1.0, 0),
+]
+
+
+def make(kind: str, folder) -> Sink:
+    if kind.startswith("console"):
+        settings = ConsoleSettings.model_validate({"style": kind.partition("-")[2]})
+        return ConsoleSink(settings, stream=io.StringIO(), rig=RIG, frame_count=10)
+    if kind == "jsonl":
+        return JsonlSink(JsonlSettings(path="out.jsonl", what=("verdict", "event", "status")), base=folder)
+    if kind == "zenoh":
+        return ZenohSink(ZenohSettings(prefix=f"test/{uuid.uuid4().hex[:8]}"), rig="bench")
+    return ListSink()
+
+
+@pytest.fixture(params=["console-live", "console-classic", "console-progress", "jsonl", "zenoh", "list"])
+def sink(request, tmp_path) -> Sink:
+    return make(request.param, tmp_path)
+
+
+def test_it_takes_every_kind_of_report(sink):
+    sink.start()
+    for report in REPORTS * 3:
+        sink.take(report)
+    sink.stop()
+
+
+def test_it_can_stop_without_having_taken_anything(sink):
+    sink.start()
+    sink.stop()
+
+
+def test_it_says_whether_a_recording_waits_for_it(sink):
+    assert isinstance(sink.lossless, bool)
