@@ -13,8 +13,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import signal
 import threading
+import time
+from collections.abc import Callable
+from typing import Any
 
 import zenoh
 import zenoh.ext
@@ -25,7 +29,7 @@ def main() -> None:
     parser.add_argument("--connect", help="endpoint of a router, e.g. tcp/127.0.0.1:7447")
     parser.add_argument("--prefix", default="syncwatch")
     parser.add_argument("--rig", default="*")
-    parser.add_argument("--for", dest="seconds", type=float, help="stop after so many seconds")
+    parser.add_argument("--for", dest="seconds", type=float, default=math.inf, help="stop after so many seconds")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     root = f"{given.prefix}/{given.rig}"
@@ -34,17 +38,26 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     with zenoh.open(config(given.connect)) as session:
-        session.declare_subscriber(f"{root}/status", printer.status)
-        session.liveliness().declare_subscriber(f"{root}/alive", printer.alive, history=True)
-        zenoh.ext.declare_advanced_subscriber(
+        status = session.declare_subscriber(f"{root}/status")
+        alive = session.liveliness().declare_subscriber(f"{root}/alive", history=True)
+        events = zenoh.ext.declare_advanced_subscriber(
             session,
             f"{root}/event",
-            printer.event,
             history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
             recovery=zenoh.ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
         )
         print("listening", flush=True)
-        stop.wait(given.seconds)
+        deadline = time.monotonic() + given.seconds
+        while not stop.wait(0.02) and time.monotonic() < deadline:
+            show(alive, printer.alive)
+            show(events, printer.event)
+            show(status, printer.status)
+
+
+def show(subscriber: Any, printed: Callable[[zenoh.Sample], None]) -> None:
+    """Prints what has arrived. Polling keeps Python off zenoh's own threads, so that the program ends cleanly."""
+    while (sample := subscriber.try_recv()) is not None:
+        printed(sample)
 
 
 def config(router: str | None) -> zenoh.Config:
@@ -66,7 +79,6 @@ class Printer:
 
     def __init__(self, *, raw: bool) -> None:
         self._raw = raw
-        self._lock = threading.Lock()  # each subscriber calls from a thread of its own
         self._shown: dict[str, object] = {}
 
     def status(self, sample: zenoh.Sample) -> None:
@@ -74,24 +86,20 @@ class Printer:
         message = json.loads(text)
         state = (message["level"], message["reasons"])
         if self._raw:
-            self._say(text)
+            print(text, flush=True)
         elif self._shown.get(message["rig"]) != state:
             self._shown[message["rig"]] = state
-            self._say(f"{message['rig']}: {message['level']} {'; '.join(message['reasons'])}".rstrip())
+            print(f"{message['rig']}: {message['level']} {'; '.join(message['reasons'])}".rstrip(), flush=True)
 
     def event(self, sample: zenoh.Sample) -> None:
         text = sample.payload.to_string()
         message = json.loads(text)
-        self._say(text if self._raw else f"{message['rig']}: {message['phase']}: {message['text']}")
+        print(text if self._raw else f"{message['rig']}: {message['phase']}: {message['text']}", flush=True)
 
     def alive(self, sample: zenoh.Sample) -> None:
         here = sample.kind == zenoh.SampleKind.PUT
         if not self._raw:
-            self._say(f"{sample.key_expr}: {'here' if here else 'gone'}")
-
-    def _say(self, line: str) -> None:
-        with self._lock:
-            print(line, flush=True)
+            print(f"{sample.key_expr}: {'here' if here else 'gone'}", flush=True)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import re
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 import zenoh
@@ -28,6 +29,9 @@ HEARTBEAT_S = 0.5
 
 FIND_OTHERS_S = 0.8
 """How long another monitor of the same rig is looked for: peers on one machine find each other in about half of it."""
+
+ANSWER_EVERY_S = 0.02
+QUERIES_WAITING = 256
 
 TRY_OPEN_MS = 1000
 REQUIRED_WITHIN_S = 3.0
@@ -204,6 +208,7 @@ class ZenohSink:
         return ""
 
     def _answer(self, query: zenoh.Query) -> None:
+        """Answers with the latest of everything that was asked for."""
         with self._lock:
             latest = dict(self._latest)
         with query:
@@ -216,10 +221,16 @@ class ZenohSink:
 
 
 class _Published:
-    """An open session with everything that is declared on it."""
+    """An open session with everything that is declared on it.
 
-    def __init__(self, session: zenoh.Session, root: str, answer: Any) -> None:
+    Queries are polled for: a Python callback that zenoh runs on a thread of its own can abort the process when the
+    interpreter ends meanwhile.
+    """
+
+    def __init__(self, session: zenoh.Session, root: str, answer: Callable[[zenoh.Query], None]) -> None:
         self._session = session
+        self._answer = answer
+        self._closing = threading.Event()
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._events = zenoh.ext.declare_advanced_publisher(
             session,
@@ -230,8 +241,10 @@ class _Published:
             sample_miss_detection=zenoh.ext.MissDetectionConfig(heartbeat=HEARTBEAT_S, sporadic_heartbeat=None),
             publisher_detection=True,
         )
-        self._queryable = session.declare_queryable(f"{root}/**", answer)
+        self._queryable = session.declare_queryable(f"{root}/**", zenoh.handlers.FifoChannel(QUERIES_WAITING))
         self._token = session.liveliness().declare_token(f"{root}/alive")
+        self._answerer = threading.Thread(target=self._answer_queries, name="zenoh-answer", daemon=True)
+        self._answerer.start()
 
     def event(self, message: Message) -> None:
         self._events.put(json.dumps(message))
@@ -245,9 +258,16 @@ class _Published:
         publisher.put(text)
 
     def close(self) -> None:
+        self._closing.set()
+        self._answerer.join()
         self._token.undeclare()
         self._queryable.undeclare()
         self._session.close()
+
+    def _answer_queries(self) -> None:
+        while not self._closing.wait(ANSWER_EVERY_S):
+            while (query := self._queryable.try_recv()) is not None:
+                self._answer(query)
 
 
 CONGESTION = {STATUS_SCHEMA: zenoh.CongestionControl.BLOCK, VERDICT_SCHEMA: zenoh.CongestionControl.DROP}

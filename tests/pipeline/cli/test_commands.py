@@ -6,12 +6,12 @@ import json
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 import yaml
 
 import syncwatch as face
+from tests.network import wait_for
 from tests.programs import ROOT, syncwatch, write_folders
 
 QUIET = ("--set", "sinks={console: {}}")
@@ -154,7 +154,7 @@ def test_a_signal_drains_prints_the_summary_and_sets_the_status(tmp_path, number
     command = [sys.executable, "-m", "syncwatch", "run", *QUIET, "--set", "source.speed=1.0",
                "--set", "sinks.jsonl={path: out.jsonl}"]  # fmt: skip
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        wait_for(lambda: lines(tmp_path / "out.jsonl") >= 20)
+        wait_for(lambda: lines(tmp_path / "out.jsonl") >= 20, 30)
         process.send_signal(number)
         out, err = process.communicate(timeout=30)
     assert process.returncode == status, err
@@ -165,13 +165,6 @@ def test_a_signal_drains_prints_the_summary_and_sets_the_status(tmp_path, number
 
 def lines(file) -> int:
     return len(file.read_text().splitlines()) if file.exists() else 0
-
-
-def wait_for(condition, seconds: float = 30) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
 
 
 def test_a_detector_of_ones_own_is_found_beside_the_configuration(tmp_path):
