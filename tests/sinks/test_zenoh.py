@@ -172,7 +172,7 @@ def test_a_router_killed_and_restarted_loses_no_event(prefix, tmp_path):
                 time.sleep(0.05)
             wait_for(lambda: len(heard.events()) >= 40, 30)
             sink.take(status(Level.WARN))
-            wait_for(lambda: heard.statuses())
+            wait_for(heard.statuses)
             sink.stop()
     assert numbers(heard.events()) == list(range(40))
 
