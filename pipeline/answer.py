@@ -13,6 +13,9 @@ ENOUGH = 10
 CLEAR = 0.9
 """Share of the decided frames that must agree for an answer about all of them."""
 
+STRAY = 0.05
+"""Where more than this share of the other frames is out of sync as well, the longest stretch may be chance."""
+
 
 @dataclass(frozen=True, slots=True)
 class Answer:
@@ -38,10 +41,11 @@ HEADLINE = {State.SYNC: "In sync.", State.ASYNC: "OUT OF SYNC.", State.UNKNOWN: 
 
 
 def _state(pair: PairTally) -> State:
-    if pair.longest_async >= ENOUGH:
-        return State.ASYNC
     if pair.decided < ENOUGH:
         return State.UNKNOWN
+    stray = pair.states[State.ASYNC] - pair.longest_async
+    if pair.longest_async >= ENOUGH and stray <= STRAY * (pair.decided - pair.longest_async):
+        return State.ASYNC
     if pair.states[State.SYNC] >= CLEAR * pair.decided:
         return State.SYNC
     return State.ASYNC if pair.states[State.ASYNC] >= CLEAR * pair.decided else State.UNKNOWN
@@ -51,7 +55,7 @@ def _sentence(name: str, state: State, pair: PairTally) -> str:
     sync, wrong = pair.states[State.SYNC], pair.states[State.ASYNC]
     counts = f"{pair.decided} of {pair.total} frames could be judged: {sync} in sync, {wrong} not"
     if state is State.ASYNC:
-        return f"{name}: {counts}; out of sync for up to {pair.longest_async} frames in a row."
+        return f"{name}: {counts}; out of sync for a stretch of {pair.longest_async} frames."
     if state is State.UNKNOWN and pair.decided >= ENOUGH:
         return f"{name}: {counts}, and they contradict each other from frame to frame."
     return f"{name}: {counts}."

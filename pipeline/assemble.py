@@ -14,6 +14,7 @@ from pipeline.config import PairSettings
 from pipeline.configtext.document import Problem
 from pipeline.detectors.spatial import SpatialDetector, SpatialSettings
 from pipeline.detectors.timestamp import TimestampDetector, TimestampSettings
+from pipeline.errors import InputError
 from pipeline.faults.base import Fault, FaultSettings
 from pipeline.faults.content_shift import ContentShift, ContentShiftSettings
 from pipeline.faults.drop import Drop, DropSettings
@@ -104,6 +105,10 @@ def build_source(plan: Plan) -> Source:
 def build_rig(plan: Plan, cameras: Sequence[Camera]) -> Rig:
     """The rig with its pairs. Raises ConfigError for a pair of cameras that do not exist."""
     names = [camera.name for camera in cameras]
+    if len(set(names)) < 2 or len(set(names)) < len(names):
+        raise InputError(
+            f"the source has {', '.join(names) or 'no camera'}: two or more cameras of different names are needed"
+        )
     if plan.config.pairs is None:
         pairs = [Pair(names[0], other) for other in names[1:]]
     else:
@@ -153,7 +158,7 @@ def assemble(
             wall_ns=wall_ns,
             monotonic_ns=monotonic_ns,
         ),
-        conditions=Conditions(rig.name, wall_ns),
+        conditions=Conditions(rig, wall_ns),
         sinks=sinks,
         on_verdict=on_verdict,
     )

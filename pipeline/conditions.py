@@ -6,6 +6,7 @@ import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from pipeline.frame import Rig
 from pipeline.verdict import Event, State, Verdict, ms
 
 CONFIRM = 5
@@ -15,11 +16,15 @@ than one case in a hundred, and at 30 fps a fault is still told within 0.2 s."""
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A state that has lasted: `first` is the verdict it began with, `before` the state that it replaced."""
+    """A state that has lasted: the verdicts that confirmed it, and the time of day of the first of them."""
 
-    before: State | None
     state: State
-    first: Verdict
+    verdicts: tuple[Verdict, ...]
+    since_ns: int
+
+    @property
+    def first(self) -> Verdict:
+        return self.verdicts[0]
 
 
 class Steady:
@@ -27,21 +32,23 @@ class Steady:
 
     def __init__(self) -> None:
         self.state: State | None = None
-        self._first: Verdict | None = None
-        self._times = 0
+        self._candidates: list[Verdict] = []
+        self._since_ns = 0
 
-    def add(self, verdict: Verdict) -> Change | None:
-        """Takes the pair's next verdict; returns the change it confirms, if any."""
+    def add(self, verdict: Verdict, now_ns: int = 0) -> Change | None:
+        """Takes the pair's next verdict, said at `now_ns`; returns the change it confirms, if any."""
+        if self._candidates and self._candidates[0].state is not verdict.state:
+            self._candidates.clear()
         if verdict.state is self.state:
-            self._first = None
             return None
-        if self._first is None or self._first.state is not verdict.state:
-            self._first, self._times = verdict, 0
-        self._times += 1
-        if self._times < CONFIRM:
+        if not self._candidates:
+            self._since_ns = now_ns
+        self._candidates.append(verdict)
+        if len(self._candidates) < CONFIRM:
             return None
-        change = Change(self.state, verdict.state, self._first)
-        self.state, self._first = verdict.state, None
+        change = Change(verdict.state, tuple(self._candidates), self._since_ns)
+        self.state = verdict.state
+        self._candidates.clear()
         return change
 
 
@@ -51,31 +58,28 @@ class Conditions:
     wall_ns: the time of day in nanoseconds since 1970, for `since` and `until`.
     """
 
-    def __init__(self, rig: str, wall_ns: Callable[[], int]) -> None:
-        self._rig = rig
+    def __init__(self, rig: Rig, wall_ns: Callable[[], int]) -> None:
+        self._rig = rig.name
+        self._expected_ns = {pair.name: pair.expected_offset_ns for pair in rig.pairs}
         self._wall_ns = wall_ns
         self._run = uuid.uuid4().hex[:4]
         self._count = 0
         self._steady: dict[str, Steady] = {}
-        self._began_ns: dict[str, int] = {}
         self._open: dict[str, Event] = {}
 
     def add(self, verdict: Verdict) -> list[Event]:
         """Takes a verdict; returns the events that begin or end with it."""
-        now_ns = self._wall_ns()
-        steady = self._steady.setdefault(verdict.pair, Steady())
-        if verdict.state is State.ASYNC:
-            self._began_ns.setdefault(verdict.pair, now_ns)
-        elif verdict.pair not in self._open:
-            self._began_ns.pop(verdict.pair, None)
-        self._follow(verdict)
-        change = steady.add(verdict)
+        if verdict.pair in self._open and verdict.state is State.ASYNC:
+            event = self._open[verdict.pair]
+            worst_ns = self._worse(verdict.pair, event.worst_offset_ns, verdict.offset_ns)
+            self._open[verdict.pair] = replace(event, worst_offset_ns=worst_ns)
+        change = self._steady.setdefault(verdict.pair, Steady()).add(verdict, self._wall_ns())
         if change is None:
             return []
         if change.state is State.ASYNC and verdict.pair not in self._open:
-            return [self._onset(verdict, change)]
+            return [self._onset(change)]
         if change.state is State.SYNC and verdict.pair in self._open:
-            return [self._end(verdict.pair, now_ns, change.first.frame)]
+            return [self._end(verdict.pair, change.since_ns, change.first.frame)]
         return []
 
     def finish(self) -> list[Event]:
@@ -83,33 +87,35 @@ class Conditions:
         now_ns = self._wall_ns()
         return [self._end(pair, now_ns, None) for pair in list(self._open)]
 
-    def _follow(self, verdict: Verdict) -> None:
-        event = self._open.get(verdict.pair)
-        if event and verdict.state is State.ASYNC and abs(verdict.offset_ns or 0) > abs(event.worst_offset_ns or 0):
-            self._open[verdict.pair] = replace(event, worst_offset_ns=verdict.offset_ns)
-
-    def _onset(self, verdict: Verdict, change: Change) -> Event:
+    def _onset(self, change: Change) -> Event:
         self._count += 1
-        camera = verdict.pair.rpartition("-")[2]
+        verdict = change.verdicts[-1]
+        worst_ns: int | None = None
+        for said in change.verdicts:
+            worst_ns = self._worse(verdict.pair, worst_ns, said.offset_ns)
         event = Event(
             rig=self._rig,
             id=f"{self._run}-{self._count}",
             kind="async",
             phase="onset",
             pair=verdict.pair,
-            camera=camera,
+            camera=verdict.pair.rpartition("-")[2],
             cause=verdict.cause,
-            since_ns=self._began_ns[verdict.pair],
+            since_ns=change.since_ns,
             until_ns=None,
-            worst_offset_ns=verdict.offset_ns,
+            worst_offset_ns=worst_ns,
             text=f"{describe_offset(verdict)} since frame {change.first.frame}",
         )
         self._open[verdict.pair] = event
         return event
 
+    def _worse(self, pair: str, one_ns: int | None, other_ns: int | None) -> int | None:
+        """The offset that is further from what is expected of the pair."""
+        known = [value for value in (one_ns, other_ns) if value is not None]
+        return max(known, key=lambda value: abs(value - self._expected_ns[pair]), default=None)
+
     def _end(self, pair: str, now_ns: int, frame: int | None) -> Event:
         event = self._open.pop(pair)
-        self._began_ns.pop(pair, None)
         text = f"{pair} in sync again from frame {frame}" if frame is not None else f"{pair} was out of sync to the end"
         return replace(event, phase="end", until_ns=now_ns, text=text)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from pydantic import Field, field_validator
@@ -10,6 +11,9 @@ from pipeline.buffer import BufferSettings
 from pipeline.frame import CAMERA_NAME
 from pipeline.judge import JudgeSettings
 from pipeline.settings import Settings
+
+RIG_NAME = re.compile(r"[^/*$#?\s]+")
+"""What may stand between two slashes of a key that others subscribe to."""
 
 
 class PairSettings(Settings):
@@ -38,7 +42,7 @@ class Config(Settings):
     seed: of everything random: rendering and faults.
     """
 
-    rig: str = Field(default="bench", min_length=1)
+    rig: str = "bench"
     seed: int = 0
     source: Any
     faults: tuple[Any, ...] = ()
@@ -47,6 +51,22 @@ class Config(Settings):
     detectors: dict[str, Any] = Field(min_length=1)
     judge: JudgeSettings = JudgeSettings()
     sinks: dict[str, Any] = Field(default={})
+
+    @field_validator("rig")
+    @classmethod
+    def _publishable(cls, value: str) -> str:
+        if not RIG_NAME.fullmatch(value):
+            raise ValueError(f"'{value}' cannot be a rig's name: no spaces and none of / * $ # ? in it, and not empty")
+        return value
+
+    @field_validator("pairs")
+    @classmethod
+    def _once_each(cls, value: tuple[PairSettings, ...] | None) -> tuple[PairSettings, ...] | None:
+        names = [entry.pair for entry in value or ()]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"'{name}' is given twice")
+        return value
 
     @field_validator("pairs", mode="before")
     @classmethod

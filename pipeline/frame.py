@@ -45,11 +45,13 @@ class Truth:
     """What is known about a frame because it was rendered or tampered with on purpose.
 
     `shown_ns` is the moment the picture really shows, on one clock common to all cameras of the rig;
-    `faults` names the injected faults that are acting on the frame.
+    `faults` names the injected faults that are acting on the frame. `assumed`: the source did not know; the recording
+    is taken to have been in sync before the faults.
     """
 
     shown_ns: int
     faults: tuple[str, ...] = ()
+    assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +106,7 @@ class Triple:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Frames t-1, t, t+1 of every camera of the rig, paired over cameras. `index` counts slots from 0."""
+    """Frames t-1, t, t+1 of every camera of the rig, paired over cameras. `index` counts windows from 0."""
 
     index: int
     cameras: Mapping[str, Triple]

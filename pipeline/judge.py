@@ -100,8 +100,9 @@ class Judge:
     def _cause(self, pair: Pair, decisive: Evidence, stamps: Evidence | None) -> Cause:
         if decisive.basis is Basis.CONTENT and _disagree(self._rig, pair, decisive, stamps):
             return Cause.STAMPS_LIE
-        frames = decisive.offset_frames or 0.0
-        whole = abs(frames - round(frames)) <= WHOLE_FRAME
+        expected = pair.expected_offset_ns / self._rig.camera(pair.first).period_ns
+        frames = (decisive.offset_frames or 0.0) - expected
+        whole = round(frames) != 0 and abs(frames - round(frames)) <= WHOLE_FRAME
         return Cause.SLIP if whole else Cause.PHASE
 
     def _truth(self, pair: Pair, first: Frame, second: Frame | None) -> PairTruth | None:
@@ -110,7 +111,8 @@ class Judge:
         offset_ns = second.truth.shown_ns - first.truth.shown_ns
         off = abs(offset_ns - pair.expected_offset_ns) > self._tolerance_ns[pair.name]
         faults = dict.fromkeys((*first.truth.faults, *second.truth.faults))
-        return PairTruth(offset_ns, State.ASYNC if off else State.SYNC, tuple(faults))
+        assumed = first.truth.assumed or second.truth.assumed
+        return PairTruth(offset_ns, State.ASYNC if off else State.SYNC, tuple(faults), assumed)
 
 
 def _tolerance_ns(settings: JudgeSettings, rig: Rig, pair: Pair) -> int:
@@ -138,8 +140,8 @@ def _classic(evidence: Sequence[Evidence]) -> Evidence | None:
 
 
 def _disagree(rig: Rig, pair: Pair, content: Evidence, stamps: Evidence | None) -> bool:
-    """Whether real stamps tell of an offset more than half a period away from what the pictures show."""
-    if stamps is None or stamps.offset_ns is None or content.offset_ns is None or stamps.synthesised:
+    """Whether stamps that count tell of an offset more than half a period away from what the pictures show."""
+    if stamps is None or stamps.offset_ns is None or content.offset_ns is None:
         return False
     return 2 * abs(stamps.offset_ns - content.offset_ns) > rig.camera(pair.first).period_ns
 

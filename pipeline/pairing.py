@@ -18,7 +18,11 @@ LEARNING_FRAMES = 8
 """Frames a camera must show before its clock is compared with another's: enough for a median to ignore a bad stamp."""
 
 SAME_EPOCH_NS = 2 * NS_PER_S
-"""First stamps closer than this are taken for one time base; further apart, arrival says how the clocks relate."""
+"""Stamps of one clock further apart than this cannot be of one epoch: arrival says how they relate."""
+
+FOLLOWING = 1 / 64
+"""Share of each difference by which the offset of another clock follows its drift: two seconds at 30 fps, so that
+jitter averages out and even 1000 ppm stay far below half a period."""
 
 
 @dataclass(slots=True)
@@ -37,7 +41,8 @@ class _Lane:
 
     pending: deque[tuple[int, Frame]] = field(default_factory=deque)
     held: list[Frame] = field(default_factory=list)
-    offset_ns: int = 0
+    offset_ns: float = 0.0
+    other_clock: bool = False
     floor: int | None = None
     last: tuple[int, int | None] | None = None
     epoch: int | None = None
@@ -49,7 +54,8 @@ class Pairer:
     """Turns frames of N cameras, in any interleaving, into slots: one to one, in order, with bounded memory.
 
     Frames are compared by a key: their `group` if every camera has one; else `captured_ns` less the camera's clock
-    offset, which is learned from its first frames and then kept; else, when stamps do not rise, `arrived_ns`.
+    offset; else, when stamps do not rise, `arrived_ns`. The offset is learned from the first frames: for cameras that
+    share a clock it is then kept, so that one that runs away shows; for another clock it follows the drift.
     The earliest frame that is waiting opens a slot; every other camera adds its earliest one if that lies within the
     tolerance, unless it lies in the outer half of it and the opening camera's next frame is nearer. A camera that
     delivers nothing while another piles up `max_pending` frames is not waited for until it is heard again.
@@ -75,7 +81,10 @@ class Pairer:
         """Takes one frame and yields the slots that are decided by it."""
         lane = self._lanes[frame.camera]
         self.counters.frames[frame.camera] += 1
-        if lane.epoch is not None and frame.epoch != lane.epoch and lane.heard:
+        if lane.epoch is not None and frame.epoch < lane.epoch:
+            self.counters.late[frame.camera] += 1
+            return
+        if lane.epoch is not None and frame.epoch > lane.epoch and lane.heard:
             yield from self.flush()
             self._restart()
         lane.epoch, lane.heard, lane.absent = frame.epoch, True, False
@@ -127,6 +136,7 @@ class Pairer:
                 self._key = self._aligned_stamp
                 reference = next(iter(held.values()), [])
                 for name, frames in held.items():
+                    self._lanes[name].other_clock = frames[0].clock != reference[0].clock
                     self._lanes[name].offset_ns = _clock_offset_ns(reference, frames, self._period_ns)
             else:
                 self._key = _arrival
@@ -136,7 +146,7 @@ class Pairer:
             frames.clear()
 
     def _aligned_stamp(self, frame: Frame) -> int:
-        return frame.captured_ns - self._lanes[frame.camera].offset_ns
+        return frame.captured_ns - round(self._lanes[frame.camera].offset_ns)
 
     def _enqueue(self, frame: Frame) -> None:
         assert self._key is not None
@@ -201,6 +211,7 @@ class Pairer:
             self._gap_due = False
             yield dict.fromkeys(self._cameras)
         slot: Slot = {}
+        keys: dict[str, int] = {}
         for name in self._cameras:
             lane = self._lanes[name]
             if name == opener or name in partners:
@@ -209,13 +220,24 @@ class Pairer:
                 if self._tolerance and lane.pending and lane.pending[0][0] == key:
                     lane.floor = key - 1
                 slot[name] = frame
+                keys[name] = key
             else:
                 slot[name] = None
                 self.counters.holes[name] += 1
                 if not lane.pending:
                     lane.floor = max(start + self._tolerance, lane.floor or start)
         self._last_key = start
+        self._follow_clocks(keys)
         yield slot
+
+    def _follow_clocks(self, keys: dict[str, int]) -> None:
+        """Lets the offsets of other clocks follow what was just paired."""
+        reference = next((key for name, key in keys.items() if not self._lanes[name].other_clock), None)
+        if reference is None or not self._tolerance:
+            return
+        for name, key in keys.items():
+            if self._lanes[name].other_clock:
+                self._lanes[name].offset_ns += FOLLOWING * (key - reference)
 
 
 def _group(frame: Frame) -> int:
@@ -236,7 +258,8 @@ def _rising(stamps: Sequence[int]) -> bool:
 def _clock_offset_ns(reference: Sequence[Frame], frames: Sequence[Frame], period_ns: int) -> int:
     """The constant by which `frames` are stamped later than `reference`; half a period at most is left after it."""
     coarse = 0
-    if abs(frames[0].captured_ns - reference[0].captured_ns) > SAME_EPOCH_NS:
+    apart = abs(frames[0].captured_ns - reference[0].captured_ns)
+    if frames[0].clock != reference[0].clock or apart > SAME_EPOCH_NS:
         coarse = _lead_over_arrival_ns(frames) - _lead_over_arrival_ns(reference)
     nearest = [
         min((frame.captured_ns - coarse - other.captured_ns for other in reference), key=abs) for frame in frames

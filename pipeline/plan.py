@@ -147,7 +147,7 @@ class _Checker:
 
     def _imported(self, dotted: str, own: Callable[[Any], Callable[..., Any]]) -> Kind:
         if str(self._base) not in sys.path:
-            sys.path.insert(0, str(self._base))
+            sys.path.append(str(self._base))
         module, _, attribute = dotted.partition(":")
         made = getattr(importlib.import_module(module), attribute)
         settings = getattr(made, "Settings", None)

@@ -94,7 +94,7 @@ class SinkThread:
     def _work(self) -> None:
         try:
             self._sink.start()
-        except Exception as error:  # a user's own sink may raise anything
+        except BaseException as error:  # a user's own sink may raise anything, or call sys.exit
             self._fail("could not start", error)
             self._started.set()
             return
@@ -107,10 +107,10 @@ class SinkThread:
                 pass
             finally:
                 self._sink.stop()
-        except Exception as error:  # as above
+        except BaseException as error:  # as above
             self._fail("failed", error)
 
-    def _fail(self, what: str, error: Exception) -> None:
+    def _fail(self, what: str, error: BaseException) -> None:
         self.failure = _explained(f"sink '{self.name}' {what}", error)
         self._queue.close()
 
@@ -136,13 +136,13 @@ class Run:
         self._sinks = [SinkThread(name, sink, wait=sink.lossless and not live) for name, sink in parts.sinks.items()]
         self._reader = threading.Thread(target=self._read, name="source", daemon=True)
         self._source_failure: SyncwatchError | None = None
-        self._stopping = threading.Event()
+        self._stopping = False  # a plain flag: a signal handler may set it at any moment
         self._status_due_ns = monotonic_ns()
         self._stop_at_ns = None if stop_after_s is None else monotonic_ns() + round(stop_after_s * NS_PER_S)
 
     def stop(self) -> None:
         """Asks the run to end soon and in order."""
-        self._stopping.set()
+        self._stopping = True
         for sink in self._sinks:
             sink.hurry()
 
@@ -159,7 +159,7 @@ class Run:
                 sink.start()
                 started.append(sink)
             self._judge_everything()
-        except Exception as error:  # whatever it is, sinks and source are wound up first
+        except BaseException as error:  # whatever it is, sinks and source are wound up first
             failures.append(_explained("judging failed", error))
         failures += self._stop_source()
         for sink in started:
@@ -168,11 +168,20 @@ class Run:
         for sink in started:
             if sink.dropped:
                 log.warning("sink '%s' was too slow: %d reports dropped", sink.name, sink.dropped)
+        self._say_what_was_left_out()
         for other in failures[1:]:
             if other is not failures[0]:
                 log.error("%s", other)
         if failures:
             raise failures[0]
+
+    def _say_what_was_left_out(self) -> None:
+        counters = self._parts.buffer.counters
+        for name, late in counters.late.items():
+            if late or counters.duplicates[name]:
+                log.warning("%s: %d late and %d repeated frames were left out", name, late, counters.duplicates[name])
+        if self._windows.dropped:
+            log.warning("detection was too slow: %d windows dropped", self._windows.dropped)
 
     def _judge_everything(self) -> None:
         self._reader.start()
@@ -193,7 +202,7 @@ class Run:
                 self._windows.put(window)
         except QueueClosedError:
             pass
-        except Exception as error:  # a user's own source may raise anything
+        except BaseException as error:  # a user's own source may raise anything
             self._source_failure = _explained("the source failed", error)
             self._flush_after_failure()
         finally:
@@ -215,11 +224,11 @@ class Run:
                 if sink.failure is not None:
                     return
             if self._stop_at_ns is not None and self._monotonic_ns() >= self._stop_at_ns:
-                self._stopping.set()
-            if self._stopping.is_set() and stop_by is None:
+                self._stopping = True
+            if self._stopping and stop_by is None:
                 stop_by = time.monotonic() + PATIENCE_S
-                self._parts.source.stop()
-            if stop_by is not None and time.monotonic() > stop_by:
+                self._stop_reading()
+            if stop_by is not None and time.monotonic() > stop_by and self._reader.is_alive():
                 raise RunError(f"the source did not stop within {PATIENCE_S:.0f} s")
             try:
                 window = self._windows.get(timeout_s=POLL_S)
@@ -262,20 +271,30 @@ class Run:
         self._status_due_ns = self._monotonic_ns() + STATUS_EVERY_NS
         self._report_all([self._parts.status.status(self._parts.buffer.counters, self._windows.dropped)])
 
+    def _stop_reading(self) -> list[SyncwatchError]:
+        try:
+            self._parts.source.stop()
+        except Exception as error:  # a user's own source may raise anything
+            return [_explained("the source could not be stopped", error)]
+        return []
+
     def _stop_source(self) -> list[SyncwatchError]:
-        self._parts.source.stop()
+        failures = self._stop_reading()
         self._windows.close()
         if self._reader.ident is not None:
             self._reader.join(PATIENCE_S)
-        failures = [self._source_failure] if self._source_failure is not None else []
+        if self._source_failure is not None:
+            failures.insert(0, self._source_failure)
         if self._reader.is_alive():
-            failures.append(RunError(f"the source did not stop within {PATIENCE_S:.0f} s"))
-        else:
+            return [*failures, RunError(f"the source did not stop within {PATIENCE_S:.0f} s")]
+        try:
             self._parts.source.close()
+        except Exception as error:  # as above
+            failures.append(_explained("the source could not be closed", error))
         return failures
 
 
-def _explained(what: str, error: Exception) -> SyncwatchError:
+def _explained(what: str, error: BaseException) -> SyncwatchError:
     """The error as a sentence for people; our own already are."""
     log.debug("%s", what, exc_info=error)
     if isinstance(error, SyncwatchError):

@@ -61,16 +61,18 @@ class StatusKeeper:
                 self._stamps[name].append(triple.current.captured_ns)
 
     def add(self, verdict: Verdict) -> bool:
-        """Takes note of a verdict; says whether the pair's lasting state has changed with it."""
+        """Takes note of a verdict; says whether the pair's lasting state, or its cause, has changed with it."""
         pair = self._pairs[verdict.pair]
         pair.verdicts += 1
         pair.decided += verdict.state is not State.UNKNOWN
-        changed = pair.steady.add(verdict) is not None
-        if changed:
-            pair.since_ns = self._wall_ns()
+        change = pair.steady.add(verdict, self._wall_ns())
+        if change is not None:
+            pair.since_ns = change.since_ns
+        other_cause = pair.shown is not None and pair.shown.cause is not verdict.cause
         if verdict.state is pair.steady.state:
             pair.shown = verdict
-        return changed
+            return change is not None or other_cause
+        return change is not None
 
     def status(self, counters: Counters, dropped_windows: int) -> Status:
         """The rig as it stands now."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from pipeline.conditions import Steady
+from pipeline.conditions import CONFIRM, Steady
 from pipeline.verdict import State, Verdict
 
 
@@ -13,20 +13,26 @@ from pipeline.verdict import State, Verdict
 class Injected:
     """A stretch during which a pair was out of sync on purpose; `found` is the frames it took to say so."""
 
-    faults: tuple[str, ...]
-    start: int
     frames: int = 0
+    in_a_row: int = 0
     found: int | None = None
 
 
 @dataclass(slots=True)
 class PairTally:
-    """What was said of one pair. `longest_async` counts frames in a row, one wrong frame in ten forgiven."""
+    """What was said of one pair, and how that compares with the truth where it is known.
+
+    longest_async: frames of the longest stretch out of sync, one frame in ten forgiven.
+    false_alarms: lasting changes to async while the pair was in sync.
+    wrong: decided frames, each for itself, that contradict the truth.
+    """
 
     states: Counter[State] = field(default_factory=Counter)
     truth_known: bool = False
+    truth_assumed: bool = False
     injected: list[Injected] = field(default_factory=list)
     false_alarms: int = 0
+    wrong: int = 0
     longest_async: int = 0
     _steady: Steady = field(default_factory=Steady)
     _current: Injected | None = None
@@ -44,28 +50,27 @@ class PairTally:
     def add(self, verdict: Verdict) -> None:
         self.states[verdict.state] += 1
         self._follow_streak(verdict.state)
-        self._follow_truth(verdict)
         change = self._steady.add(verdict)
-        if change is None or change.state is not State.ASYNC or verdict.truth is None:
+        truth = verdict.truth
+        if truth is None:
             return
-        if self._current is None:
-            self.false_alarms += 1
-        elif self._current.found is None:
-            self._current.found = self._current.frames
+        self.truth_known, self.truth_assumed = True, truth.assumed
+        self.wrong += verdict.state not in {truth.state, State.UNKNOWN}
+        if truth.state is State.ASYNC:
+            self._follow_injected(verdict.state)
+            return
+        self._current = None
+        self.false_alarms += change is not None and change.state is State.ASYNC
 
-    def _follow_truth(self, verdict: Verdict) -> None:
-        if verdict.truth is None:
-            return
-        self.truth_known = True
-        if verdict.truth.state is not State.ASYNC:
-            self._current = None
-            return
+    def _follow_injected(self, state: State) -> None:
         if self._current is None:
-            self._current = Injected(verdict.truth.faults, verdict.frame or 0)
+            self._current = Injected()
             self.injected.append(self._current)
-        self._current.frames += 1
-        if self._steady.state is State.ASYNC and self._current.found is None and verdict.state is State.ASYNC:
-            self._current.found = self._current.frames
+        stretch = self._current
+        stretch.frames += 1
+        stretch.in_a_row = stretch.in_a_row + 1 if state is State.ASYNC else 0
+        if stretch.in_a_row == CONFIRM and stretch.found is None:
+            stretch.found = stretch.frames
 
     def _follow_streak(self, state: State) -> None:
         if state is State.ASYNC:

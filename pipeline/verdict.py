@@ -100,11 +100,12 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class PairTruth:
-    """The true offset of a pair, known only for rendered footage and injected faults."""
+    """The true offset of a pair, known only for rendered footage and, as far as `assumed`, for injected faults."""
 
     offset_ns: int
     state: State
     faults: tuple[str, ...] = ()
+    assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from pipeline.conditions import Steady
+from pipeline.errors import RunError
 from pipeline.frame import NS_PER_S, Rig
 from pipeline.settings import Settings
 from pipeline.tally import PairTally, Tally
@@ -51,7 +52,7 @@ class ConsoleSink:
     ) -> None:
         self._style = settings.style
         self._rig = rig
-        self._out = Console(file=stream, highlight=False, soft_wrap=True)
+        self._out = _Console(file=stream, highlight=False, soft_wrap=True, emoji=False)
         self._tally = Tally()
         self._steady = {pair.name: Steady() for pair in rig.pairs}
         self._began_ns: int | None = None
@@ -115,14 +116,21 @@ class ConsoleSink:
         if len(self._rig.pairs) > 1:
             cells.append(f"{'pair':<{self._pair_width}}")
         cells.append(f"{'verdict':<18}")
-        cells += [f"{item.detector:<{WITNESS_WIDTH}}" for item in verdict.evidence]
+        cells += [escape(f"{item.detector:<{WITNESS_WIDTH}}") for item in verdict.evidence]
         if verdict.truth is not None:
-            cells.append("truth")
+            cells.append("injected" if verdict.truth.assumed else "truth")
         return "[bold]" + " ".join(cells).rstrip() + "[/]"
 
     @property
     def _pair_width(self) -> int:
         return max(len(pair.name) for pair in self._rig.pairs)
+
+
+class _Console(Console):
+    """Says that its reader has gone away; rich would end the thread."""
+
+    def on_broken_pipe(self) -> None:
+        raise RunError("the reader of standard output has gone away")
 
 
 class _Progress:
@@ -179,9 +187,14 @@ def summary(tally: Tally) -> list[str]:
 
 
 def _against_truth(pair: PairTally) -> str:
-    alarms = f"{pair.false_alarms} false alarm{'' if pair.false_alarms == 1 else 's'}"
+    plural = "" if pair.false_alarms == 1 else "s"
+    wrong = f"{pair.wrong} single frames judged otherwise"
+    if pair.truth_assumed:
+        alarms = f"{pair.false_alarms} alarm{plural} beside them, {wrong} than if the recording was in sync"
+    else:
+        alarms = f"{pair.false_alarms} false alarm{plural}, {wrong}"
     if not pair.injected:
-        return f"nothing was out of sync, {alarms}"
+        return f"nothing was put out of sync, {alarms}"
     found = [stretch for stretch in pair.injected if stretch.found is not None]
     after = ", ".join(str(stretch.found) for stretch in found)
     when = f" (after {after} frames)" if found else ""

@@ -25,13 +25,15 @@ class JsonlSettings(Settings):
 class JsonlSink:
     """Appends nothing: the file is written anew, and each line is complete when it is there at all.
 
-    base: the folder that a relative path counts from.
+    base: the folder that a relative path counts from. Raises InputError where there is no folder to write in.
     """
 
     lossless = True
 
     def __init__(self, settings: JsonlSettings, *, base: Path) -> None:
         self._path = None if settings.path == "-" else base / settings.path
+        if self._path is not None and not self._path.parent.is_dir():
+            raise InputError(f"{self._path}: cannot be written: there is no folder {self._path.parent}")
         self._kinds = tuple(KINDS[kind] for kind in settings.what)
         self._file: TextIO = sys.stdout
 
@@ -40,7 +42,7 @@ class JsonlSink:
         if self._path is None:
             return
         try:
-            self._file = self._path.open("w", encoding="utf-8", buffering=1)
+            self._file = self._path.open("w", encoding="utf-8")
         except OSError as error:
             raise InputError(f"{self._path}: cannot be written: {error.strerror}") from error
 
@@ -49,6 +51,7 @@ class JsonlSink:
             return
         try:
             self._file.write(json.dumps(report.to_message(), allow_nan=False) + "\n")
+            self._file.flush()
         except BrokenPipeError as error:
             raise RunError("the reader of standard output has gone away") from error
         except OSError as error:
@@ -57,7 +60,5 @@ class JsonlSink:
             ) from error
 
     def stop(self) -> None:
-        if self._path is None:
-            self._file.flush()
-        else:
+        if self._path is not None:
             self._file.close()

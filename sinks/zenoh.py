@@ -106,6 +106,7 @@ class ZenohSink:
         self._lock = threading.Lock()
         self._latest: dict[str, tuple[str, str]] = {}
         self._early_events: deque[Message] = deque(maxlen=EVENT_CACHE)
+        self._lost_events = 0
         self._published: _Published | None = None
         self._refused: RunError | None = None
         self._stopped = threading.Event()
@@ -135,8 +136,8 @@ class ZenohSink:
             self._take_event(message)
         elif isinstance(report, Status):
             self._take_latest(f"{self._root}/status", message)
-        elif self._wanted(report):
-            self._take_latest(f"{self._root}/verdict/{report.pair}", message)
+        else:
+            self._take_latest(f"{self._root}/verdict/{report.pair}", message, publish=self._wanted(report))
 
     def stop(self) -> None:
         self._stopped.set()
@@ -148,8 +149,9 @@ class ZenohSink:
             closer.join(STOP_WITHIN_S)
             if closer.is_alive():
                 log.warning("zenoh: the session did not close within %.1f s", STOP_WITHIN_S)
-        elif self._early_events:
-            log.warning("zenoh: %d events were never published: nothing could be reached", len(self._early_events))
+        unheard = self._lost_events + len(self._early_events)
+        if unheard:
+            log.warning("zenoh: %d events were never published: nothing could be reached in time", unheard)
 
     def _wanted(self, verdict: Verdict) -> bool:
         before = self._last_states.get(verdict.pair)
@@ -161,17 +163,18 @@ class ZenohSink:
         with self._lock:
             self._latest[f"{self._root}/event"] = (json.dumps(message), EVENT_SCHEMA)
             if self._published is None:
+                self._lost_events += len(self._early_events) == EVENT_CACHE
                 self._early_events.append(message)
                 return
         self._published.event(message)
 
-    def _take_latest(self, key: str, message: Message) -> None:
+    def _take_latest(self, key: str, message: Message, *, publish: bool = True) -> None:
         text = json.dumps(message)
         schema = str(message["schema"])
         with self._lock:
             self._latest[key] = (text, schema)
             published = self._published
-        if published is not None:
+        if published is not None and publish:
             published.put(key, text, schema)
 
     def _open_until_stopped(self) -> None:
@@ -187,6 +190,13 @@ class ZenohSink:
             session = zenoh.open(_config(self._settings))
         except zenoh.ZError as error:
             return str(error).splitlines()[0]
+        try:
+            return self._publish_from(session)
+        except zenoh.ZError as error:  # what was open may be gone again
+            session.close()
+            return str(error).splitlines()[0]
+
+    def _publish_from(self, session: zenoh.Session) -> str:
         if _is_taken(session, f"{self._root}/alive"):
             session.close()
             self._refused = RunError(
@@ -196,15 +206,16 @@ class ZenohSink:
             return str(self._refused)
         published = _Published(session, self._root, self._answer)
         with self._lock:
-            early = list(self._early_events)
-            latest = dict(self._latest)
-            for message in early:
+            if self._stopped.is_set():
+                published.close()
+                return ""
+            for message in self._early_events:
                 published.event(message)
             self._early_events.clear()
+            for key, (text, schema) in self._latest.items():
+                if schema != EVENT_SCHEMA:
+                    published.put(key, text, schema)
             self._published = published
-        for key, (text, schema) in latest.items():
-            if schema != EVENT_SCHEMA:
-                published.put(key, text, schema)
         return ""
 
     def _answer(self, query: zenoh.Query) -> None:
@@ -266,8 +277,11 @@ class _Published:
 
     def _answer_queries(self) -> None:
         while not self._closing.wait(ANSWER_EVERY_S):
-            while (query := self._queryable.try_recv()) is not None:
-                self._answer(query)
+            try:
+                while (query := self._queryable.try_recv()) is not None:
+                    self._answer(query)
+            except zenoh.ZError as error:  # one that asked and left must not end the answers to others
+                log.debug("zenoh: a query could not be answered: %s", error)
 
 
 CONGESTION = {STATUS_SCHEMA: zenoh.CongestionControl.BLOCK, VERDICT_SCHEMA: zenoh.CongestionControl.DROP}

@@ -9,7 +9,7 @@ from typing import TypeAlias
 from pipeline.frame import Camera, Frame
 from pipeline.verdict import Event, Report, Status, Verdict
 
-Step: TypeAlias = Frame | Exception | threading.Event
+Step: TypeAlias = Frame | BaseException | threading.Event
 """What a scripted source does next: deliver a frame, raise, or wait until something is set (or it is stopped)."""
 
 LOOK_S = 0.01
@@ -34,7 +34,7 @@ class ScriptedSource:
         for step in self._steps:
             if self._stopped.is_set():
                 return
-            if isinstance(step, Exception):
+            if isinstance(step, BaseException):
                 raise step
             if isinstance(step, threading.Event):
                 while not step.wait(LOOK_S) and not self._stopped.is_set():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 
@@ -16,6 +17,8 @@ from pipeline.cli.run import run
 from pipeline.errors import SyncwatchError
 
 INTERRUPTED = 130
+
+log = logging.getLogger("syncwatch.cli")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -55,4 +58,8 @@ def main() -> int:
         return INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except Exception as error:
+        log.debug("not foreseen", exc_info=error)
+        click.echo(f"syncwatch: error: {type(error).__name__}: {error} (syncwatch -v says more)", err=True)
         return FAILED

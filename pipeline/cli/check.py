@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 
 import click
@@ -36,7 +35,6 @@ def check(path: tuple[str, ...], duration: str | None, fps: float | None, overri
     plan = _plan(path, fps, overrides)
     interrupted = execute(
         plan,
-        console=sys.stderr,
         on_verdict=tally.add,
         stop_after_s=None if duration is None else seconds(duration),
     )

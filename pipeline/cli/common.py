@@ -6,24 +6,30 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from types import FrameType
-from typing import Any, TextIO
+from typing import TextIO
 
 import click
 
 from pipeline.assemble import KINDS, assemble, build_source
-from pipeline.configtext.document import Document, load_file, load_text
-from pipeline.errors import InputError, SyncwatchError
+from pipeline.configtext.document import ConfigError, Document, load_file, load_text
+from pipeline.errors import InputError, RunError, SyncwatchError
+from pipeline.frame import Source
 from pipeline.plan import Plan, make_plan
 from pipeline.run import Run
 from pipeline.verdict import Verdict
 
+log = logging.getLogger("syncwatch.cli")
+
 DONE, FAILED, BAD_INPUT, OUT_OF_SYNC, CANNOT_TELL = 0, 1, 2, 3, 4
 CONFIG_NAME = "config.yaml"
+
+AT_ONCE = 3
+"""Signals after which a run is abandoned: people press Ctrl-C twice without meaning more than once."""
 
 set_option = click.option(
     "--set",
@@ -55,18 +61,35 @@ def read_plan(path: str | None, overrides: Sequence[str]) -> Plan:
     return make_plan(document, KINDS, base)
 
 
+def console_of(plan: Plan) -> TextIO:
+    """Where sinks that talk to people print: standard error once another sink has taken standard output."""
+    taken = any(getattr(chosen.settings, "path", None) == "-" for chosen in plan.sinks.values())
+    return sys.stderr if taken else sys.stdout
+
+
+def open_source(plan: Plan) -> Source:
+    """The plan's source, open. Raises SyncwatchError, also where a source of the user's own raises something else."""
+    try:
+        source = build_source(plan)
+        source.open()
+    except SyncwatchError:
+        raise
+    except Exception as error:
+        log.debug("the source cannot be opened", exc_info=error)
+        raise RunError(f"the source cannot be opened: {type(error).__name__}: {error}") from error
+    return source
+
+
 def execute(
     plan: Plan,
     *,
-    console: TextIO,
     on_verdict: Callable[[Verdict], None] = lambda _: None,
     stop_after_s: float | None = None,
 ) -> int:
     """Runs the plan to its end. Returns 0, or 130 / 143 after SIGINT / SIGTERM. Raises SyncwatchError."""
-    source = build_source(plan)
-    source.open()
+    source = open_source(plan)
     try:
-        parts = assemble(plan, source, console=console, on_verdict=on_verdict)
+        parts = assemble(plan, source, console=console_of(plan), on_verdict=on_verdict)
     except BaseException:
         source.close()
         raise
@@ -78,16 +101,15 @@ def execute(
 
 @contextmanager
 def _stopped_by_signals(run: Run) -> Iterator[list[int]]:
-    """The first SIGINT or SIGTERM ends the run in order, a second one at once."""
+    """The first SIGINT or SIGTERM ends the run in order, the third at once."""
     received: list[int] = []
 
     def handle(number: int, _: FrameType | None) -> None:
         received.append(number)
         run.stop()
-        for other, action in before.items():
-            signal.signal(other, action)
+        if len(received) >= AT_ONCE:
+            raise KeyboardInterrupt
 
-    before: Mapping[signal.Signals, Any] = {}
     before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield received
@@ -115,7 +137,5 @@ class _OneLine(logging.Formatter):
 
 def report(error: SyncwatchError) -> int:
     """Prints the error for people; returns the exit status."""
-    text = str(error)
-    placed = ": error: " in text
-    click.echo(text if placed else f"syncwatch: error: {text}", err=True)
+    click.echo(str(error) if isinstance(error, ConfigError) else f"syncwatch: error: {error}", err=True)
     return BAD_INPUT if isinstance(error, InputError) else FAILED

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import click
 
-from pipeline.assemble import KINDS, build_rig, build_source
-from pipeline.cli.common import CONFIG_NAME, read_plan, set_option, shipped_config
+from pipeline.assemble import KINDS, assemble, build_rig
+from pipeline.cli.common import CONFIG_NAME, open_source, read_plan, set_option, shipped_config
 from pipeline.errors import InputError
 from pipeline.faults.base import FaultSettings
 from pipeline.frame import NS_PER_MS
@@ -80,10 +81,10 @@ def _plan_lines(plan: Plan) -> list[tuple[str, str]]:
 
 def _opened_lines(plan: Plan) -> list[tuple[str, str]]:
     """The plan with what only the open source can tell: its cameras and the pairs made of them."""
-    source = build_source(plan)
-    source.open()
+    source = open_source(plan)
     try:
         rig = build_rig(plan, source.cameras)
+        assemble(plan, source, console=sys.stderr)
     finally:
         source.close()
     judge = Judge(plan.config.judge, rig)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -43,7 +42,7 @@ def replay(
     PATH is a folder in a known format (EuRoC, image folders, video files), or one image folder or video file a camera.
     """
     plan = recording_plan(path, fps=fps, faults=faults, detectors=detectors, sinks=_sinks(jsonl), overrides=overrides)
-    return execute(plan, console=sys.stderr if jsonl == "-" else sys.stdout)
+    return execute(plan)
 
 
 def recording_plan(
@@ -68,12 +67,16 @@ def recording_plan(
         "sinks": sinks or {},
     }
     text = yaml.safe_dump(config, sort_keys=False).replace("${", "$${")
-    return make_plan(load_text(text, "command line", os.environ, overrides), KINDS, Path.cwd())
+    return make_plan(load_text(text, "command line", os.environ, overrides, quoted=False), KINDS, Path.cwd())
 
 
 def rig_name(path: str) -> str:
     """A recording's name as a rig: what its folder or file is called."""
-    return re.sub(r"[^A-Za-z0-9_.]+", "_", Path(path).resolve().stem) or "recording"
+    return re.sub(r"[^A-Za-z0-9_.]+", "_", _name_of(Path(path).resolve())) or "recording"
+
+
+def _name_of(path: Path) -> str:
+    return path.stem if path.is_file() else path.name
 
 
 def parse_fault(text: str) -> dict[str, Any]:

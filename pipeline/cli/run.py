@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import click
 
 from pipeline.cli.common import execute, read_plan, set_option
@@ -17,4 +15,4 @@ def run(config: str | None, overrides: tuple[str, ...]) -> int:
 
     Without CONFIG: config.yaml of this folder, else the shipped one, which renders a rig that slips out of sync.
     """
-    return execute(read_plan(config, overrides), console=sys.stdout)
+    return execute(read_plan(config, overrides))

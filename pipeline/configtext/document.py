@@ -75,13 +75,15 @@ def load_file(path: str | os.PathLike[str], environ: Mapping[str, str], override
     return load_text(_read(path), str(path), environ, overrides)
 
 
-def load_text(text: str, label: str, environ: Mapping[str, str], overrides: Sequence[str] = ()) -> Document:
-    """The configuration in the text; `label` names it in messages.
+def load_text(
+    text: str, label: str, environ: Mapping[str, str], overrides: Sequence[str] = (), *, quoted: bool = True
+) -> Document:
+    """The configuration in the text; `label` names it in messages, which quote the line unless told otherwise.
 
     Raises:
         ConfigError: with all problems of the text and the overrides at once.
     """
-    source = Source(label, text.removeprefix("\ufeff"))
+    source = Source(label, text.removeprefix("\ufeff"), is_argument=not quoted)
     complaints: list[str] = []
     parsed: list[Override] = []
     for argument in overrides:

@@ -9,10 +9,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.frame import Pair, Rig, Triple, Window
+from pipeline.frame import Frame, Pair, Rig, Triple, Window
 from pipeline.pictures import Memo, gradient_magnitude
 from pipeline.settings import Settings
 from pipeline.verdict import Basis, Evidence, State
+
+BETWEEN_FRAMES = 0.25
+"""An expected offset further than this from a whole number of frames cannot be judged in whole frames."""
 
 Gradient = npt.NDArray[np.float32]
 
@@ -25,6 +28,8 @@ class SpatialSettings(Settings):
 
 class SpatialDetector:
     """Sync if the second camera's frame t correlates best with the first camera's frame t.
+
+    For a staggered pair, the frame that it is expected to match takes the place of t.
 
     The centre half (full height) of the first gradient is slid horizontally over the second camera's gradients of t,
     t-1 and t+1; the largest normalised cross-correlation wins (the report's equation 3.1), a tie goes to t. At the ends
@@ -47,12 +52,12 @@ class SpatialDetector:
         first, triple = window.cameras[pair.first].current, window.cameras[pair.second]
         if first is None or triple.current is None:
             return self._abstain(pair, f"no frame of {pair.first if first is None else pair.second}")
-        sizes = [
-            f"{name} {f.image.shape[1]}x{f.image.shape[0]}"
-            for name, f in zip((pair.first, pair.second), (first, triple.current), strict=True)
-        ]
+        period_ns = self._rig.camera(pair.second).period_ns
+        expected = pair.expected_offset_ns / period_ns
+        if abs(expected - round(expected)) > BETWEEN_FRAMES:
+            return self._abstain(pair, f"an expected offset of {expected:.2f} frames lies between whole frames")
         if first.image.shape[:2] != triple.current.image.shape[:2]:
-            return self._abstain(pair, f"picture sizes differ: {', '.join(sizes)}")
+            return self._abstain(pair, f"picture sizes differ: {_size(first)}, {_size(triple.current)}")
         template = centre_half(self._gradients[first])
         scores = self._scores(template, triple)
         if not any(scores.values()):
@@ -64,9 +69,9 @@ class SpatialDetector:
             pair=pair.name,
             detector=self._name,
             basis=Basis.CONTENT,
-            state=State.ASYNC if winner else State.SYNC,
+            state=State.SYNC if winner == round(expected) else State.ASYNC,
             reason=f"{pair.second} {MOMENT[winner]} matches best: {scores[winner]:.4f}{margin}",
-            offset_ns=winner * self._rig.camera(pair.second).period_ns,
+            offset_ns=winner * period_ns,
             offset_frames=float(winner),
             numbers={f"correlation_{MOMENT[offset]}": score for offset, score in scores.items()},
         )
@@ -85,6 +90,11 @@ class SpatialDetector:
 
 
 MOMENT = {0: "t", 1: "t-1", -1: "t+1"}
+
+
+def _size(frame: Frame) -> str:
+    height, width = frame.image.shape[:2]
+    return f"{frame.camera} {width}x{height}"
 
 
 def centre_half(gradient: Gradient) -> Gradient:

@@ -54,7 +54,9 @@ class TimestampDetector:
         off_ns = abs(difference_ns - pair.expected_offset_ns)
         threshold_ns = self._threshold_ns(pair)
         complaint, notes = self._compare_ids(pair, first, second)
-        apart = f"stamps {off_ns / NS_PER_MS:.3f} ms apart"
+        apart = f"stamps {abs(difference_ns) / NS_PER_MS:.3f} ms apart"
+        if pair.expected_offset_ns:
+            apart += f", {off_ns / NS_PER_MS:.3f} ms off what is expected"
         if off_ns > threshold_ns:
             state, reason = State.ASYNC, f"{apart}, more than {threshold_ns / NS_PER_MS:.3f} ms"
         elif complaint:

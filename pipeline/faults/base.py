@@ -46,12 +46,14 @@ class Fault(ABC):
 
     def __init__(self, kind: str, settings: FaultSettings, cameras: Iterable[Camera], seed: int) -> None:
         by_name = {camera.name: camera for camera in cameras}
+        if len(by_name) < 2:
+            raise InputError(f"fault {kind}: the source has one camera only: two or more are needed")
         name = settings.camera or list(by_name)[1]
         if name not in by_name:
             raise InputError(f"fault {kind}: no camera '{name}': this rig has {', '.join(by_name)}")
         self.kind = kind
         self.camera = by_name[name]
-        self.random = random.Random(f"{seed}/{kind}/{name}/{settings.start_s}")
+        self.random = random.Random(f"{seed}/{name}/{settings!r}")
         self._start_ns = round(settings.start_s * NS_PER_S)
         self._stop_ns = None if settings.stop_s is None else round(settings.stop_s * NS_PER_S)
 

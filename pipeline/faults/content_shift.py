@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
+from pydantic import Field
+
 from pipeline.faults.base import FaultSettings, ShiftFault
 from pipeline.frame import Frame
 
@@ -13,7 +15,7 @@ class ContentShiftSettings(FaultSettings):
     """frames: how much later the picture's moment is than its slot's; negative = stale."""
 
     type: Literal["content_shift"] = "content_shift"
-    frames: float = -1
+    frames: float = Field(default=-1, ge=-300, le=300)
 
 
 class ContentShift(ShiftFault):

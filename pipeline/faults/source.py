@@ -15,7 +15,7 @@ class FaultedSource:
 
     Frames keep the group in which the source delivered them; where it gives none, they get the number of the slot the
     rig's own pairing puts them in. So a fault changes what a slot holds, never which slot. Truth is noted on every
-    frame: where the source does not know it, the recording is taken to be clean and its stamps to be right.
+    frame: where the source does not know it, the recording is assumed to have been in sync.
 
     make_faults: called once the source is open, when its cameras are known.
     """
@@ -59,14 +59,12 @@ class FaultedSource:
         self._source.close()
 
     def _slots(self) -> Iterator[TimedSlot]:
-        first_ns: int | None = None
+        clock = StreamClock(self._source.cameras)
         for index, slot in enumerate(self._paired()):
-            frames = {name: frame and _prepared(frame, index) for name, frame in slot.items()}
-            some = next((frame for frame in slot.values() if frame is not None), None)
-            if some is None:
-                continue
-            first_ns = some.captured_ns if first_ns is None else first_ns
-            yield TimedSlot(some.captured_ns - first_ns, frames)
+            if any(frame is not None for frame in slot.values()):
+                stream_ns = clock.tell(slot)
+                frames = {name: frame and _prepared(frame, index, stream_ns) for name, frame in slot.items()}
+                yield TimedSlot(stream_ns, frames)
 
     def _paired(self) -> Iterator[Slot]:
         pairer = Pairer(self._source.cameras)
@@ -75,9 +73,31 @@ class FaultedSource:
         yield from pairer.flush()
 
 
-def _prepared(frame: Frame, index: int) -> Frame:
+class StreamClock:
+    """Stream time of slots, from the first frame on, whichever camera is there and whatever its clock shows."""
+
+    def __init__(self, cameras: Sequence[Camera]) -> None:
+        self._period_ns = {camera.name: camera.period_ns for camera in cameras}
+        self._zero_ns: dict[str, int] = {}
+        self._last_ns: int | None = None
+
+    def tell(self, slot: Slot) -> int:
+        """Nanoseconds since the first slot, by a camera heard before, else a period after the slot before."""
+        frames = [frame for frame in slot.values() if frame is not None]
+        known = [frame for frame in frames if frame.camera in self._zero_ns]
+        if known:
+            stream_ns = known[0].captured_ns - self._zero_ns[known[0].camera]
+        else:
+            stream_ns = 0 if self._last_ns is None else self._last_ns + self._period_ns[frames[0].camera]
+        for frame in frames:
+            self._zero_ns.setdefault(frame.camera, frame.captured_ns - stream_ns)
+        self._last_ns = stream_ns
+        return stream_ns
+
+
+def _prepared(frame: Frame, index: int, stream_ns: int) -> Frame:
     return replace(
         frame,
         group=index if frame.group is None else frame.group,
-        truth=frame.truth or Truth(frame.captured_ns),
+        truth=frame.truth or Truth(stream_ns, assumed=True),
     )

@@ -58,12 +58,13 @@ class PictureMaker:
             )
 
     def _scaled(self, raw: Raw) -> Raw:
-        if self._bits is None:
-            brightest = int(raw.max(initial=0))
+        brightest = int(raw.max(initial=0))
+        if self._bits is None or brightest >= 1 << self._bits:
+            again = "" if self._bits is None else " from here on, brighter than before"
             self._bits = next(bits for bits in BIT_DEPTHS if brightest < 1 << bits)
-            self._notices.warning(f"{self._camera}: 16-bit pictures, scaled to 8 bits from {self._bits}")
+            self._notices.warning(f"{self._camera}: 16-bit pictures, scaled to 8 bits from {self._bits}{again}")
         shifted: Raw = np.right_shift(raw, self._bits - 8)
-        return np.minimum(shifted, 255).astype(np.uint8)
+        return shifted.astype(np.uint8)
 
 
 def read_picture(path: Path) -> Raw:

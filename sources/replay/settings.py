@@ -27,7 +27,7 @@ class ReplaySettings(Settings):
     type: Literal["replay"] = "replay"
     path: PathText | Annotated[list[PathText], Field(min_length=1)]
     format: Literal["auto", "euroc", "folders", "videos"] = "auto"
-    fps: float | None = Field(default=None, gt=0, le=100_000)
+    fps: float | None = Field(default=None, ge=0.001, le=100_000)
     speed: Annotated[float, Field(gt=0)] | Literal["max"] = "max"
     loop: bool = False
     cameras: list[Name] | None = None

@@ -86,7 +86,7 @@ class SyntheticSettings(Settings):
     type: Literal["synthetic"] = "synthetic"
     seed: int | None = Field(default=None, ge=0)
     duration_s: float = Field(default=20.0, gt=0, le=1_000_000)
-    fps: float = Field(default=30.0, gt=0, le=10_000)
+    fps: float = Field(default=30.0, ge=0.001, le=10_000)
     width: SizePx = 640
     height: SizePx = 480
     colour: bool = False

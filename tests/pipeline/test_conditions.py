@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.conditions import CONFIRM, Conditions, Steady
 from pipeline.verdict import Basis, Cause, State, Verdict
+from tests.frames import RIG
 
 LETTERS = {"s": State.SYNC, "a": State.ASYNC, "u": State.UNKNOWN}
 
@@ -28,7 +31,7 @@ def changes(letters: str) -> list[tuple[str, int | None]]:
 def events(letters: str) -> tuple[list[tuple[str, int]], list[str]]:
     """Phase and verdicts so far of each event, and its text."""
     now = iter(range(1, 1000))
-    conditions = Conditions("bench", lambda: next(now))
+    conditions = Conditions(RIG, lambda: next(now))
     made = [(n, event) for n, verdict in enumerate(verdicts(letters)) for event in conditions.add(verdict)]
     made += [(len(letters), event) for event in conditions.finish()]
     return [(event.phase, n) for n, event in made], [event.text for _, event in made]
@@ -57,11 +60,22 @@ def test_what_is_open_at_the_end_is_closed():
 
 
 def test_the_end_repeats_the_onset_and_adds_until_and_the_worst_value():
-    conditions = Conditions("bench", iter(range(1, 100)).__next__)
+    conditions = Conditions(RIG, iter(range(1, 100)).__next__)
     onset, end = (event for verdict in verdicts("sssaaaaaasssss") for event in conditions.add(verdict))
     assert (end.id, end.since_ns, end.kind, end.camera) == (onset.id, 4, "async", "right")
-    assert (onset.until_ns, end.until_ns) == (None, 14)
+    assert (onset.until_ns, end.until_ns) == (None, 10)
     assert (onset.worst_offset_ns, end.worst_offset_ns) == (7_000_000, 8_000_000)
+
+
+def test_the_worst_value_is_the_worst_of_all_since_the_onset():
+    conditions = Conditions(RIG, iter(range(1, 100)).__next__)
+    offsets = [0] * 6 + [200, 200, 200, 200, 10, 10] + [0] * 6
+    told = [
+        replace(verdict, offset_ns=offset)
+        for verdict, offset in zip(verdicts("s" * 6 + "a" * 6 + "s" * 6), offsets, strict=True)
+    ]
+    onset, end = (event for verdict in told for event in conditions.add(verdict))
+    assert (onset.worst_offset_ns, end.worst_offset_ns) == (200, 200)
 
 
 @given(st.text("sau", max_size=60))

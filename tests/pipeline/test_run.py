@@ -18,7 +18,7 @@ from pipeline.frame import Detector, Frame, Window
 from pipeline.judge import Judge, JudgeSettings
 from pipeline.run import Parts, Run
 from pipeline.status import StatusKeeper
-from pipeline.verdict import Evidence, Level, Sink
+from pipeline.verdict import Evidence, Level, Report, Sink
 from syncwatch.testing import ListSink, ScriptedSource, Step
 from tests.frames import PERIOD_NS, RIG, frame
 
@@ -44,7 +44,7 @@ def run_of(
             status=StatusKeeper(
                 RIG, unknown_is=Level.OK, version="0", wall_ns=time.time_ns, monotonic_ns=time.monotonic_ns
             ),
-            conditions=Conditions("bench", time.time_ns),
+            conditions=Conditions(RIG, time.time_ns),
             sinks={f"sink{index}": sink for index, sink in enumerate(sinks)},
         ),
         **options,
@@ -176,9 +176,11 @@ def test_a_run_can_stop_by_itself_after_a_time():
 
 
 def test_stopping_before_starting_is_safe():
-    run = run_of(frames(5), ListSink())
+    sink = ListSink()
+    run = run_of(frames(5), sink)
     run.stop()
     run.execute()
+    assert sink.calls == ["start", "stop"]
 
 
 def test_a_source_that_does_not_stop_is_given_up():
@@ -213,6 +215,59 @@ def test_a_slow_detector_drops_whole_windows_of_a_live_rig_oldest_first():
     for seen in slow.seen:
         left, right = (seen.cameras[name].current for name in ("left", "right"))
         assert left.sequence == right.sequence
+
+
+class Awkward(ScriptedSource):
+    def __init__(self, fails: str) -> None:
+        super().__init__(RIG.cameras, frames(5))
+        self._fails = fails
+
+    def stop(self) -> None:
+        if self._fails == "stop":
+            raise OSError("no such device")
+        super().stop()
+
+    def close(self) -> None:
+        if self._fails == "close":
+            raise OSError("no such device")
+
+
+@pytest.mark.parametrize("method", ["stop", "close"])
+def test_a_source_that_cannot_be_wound_up_is_an_error_after_everything_else_was(method):
+    sink = ListSink()
+    run = run_of([], sink)
+    run._parts.source = Awkward(method)
+    with pytest.raises(RunError, match=r"the source could not be .*: OSError: no such device"):
+        run.execute()
+    assert len(sink.verdicts) == 5
+    assert sink.calls == ["start", "stop"]
+
+
+class Quitting(ListSink):
+    def take(self, report: Report) -> None:
+        raise SystemExit(1)
+
+
+def test_a_sink_that_calls_exit_ends_the_run_and_cannot_hang_it():
+    with pytest.raises(RunError, match="sink 'sink0' failed: SystemExit"):
+        run_of(frames(3000), Quitting()).execute()
+
+
+def test_a_source_or_detector_that_calls_exit_is_an_error():
+    sink = ListSink()
+    with pytest.raises(RunError, match="the source failed: SystemExit"):
+        run_of([*frames(3), SystemExit(0)], sink).execute()
+    assert len(sink.verdicts) == 3
+
+
+def test_late_and_repeated_frames_are_said_at_the_end(caplog):
+    delivered = frames(6)
+    run_of([*delivered, delivered[2], delivered[2], delivered[11]], ListSink()).execute()
+    said = [record.getMessage() for record in caplog.records]
+    assert said == [
+        "left: 2 late and 0 repeated frames were left out",
+        "right: 0 late and 1 repeated frames were left out",
+    ]
 
 
 def test_the_source_is_closed_after_the_run():

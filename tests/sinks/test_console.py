@@ -63,7 +63,10 @@ def test_the_summary_compares_with_the_truth_where_it_is_known():
     told += [verdict(n, ASYNC, truth=good) for n in range(30, 40)]
     told += [verdict(n, SYNC, truth=bad) for n in range(40, 50)]
     text = shown(*told)
-    assert text.splitlines()[-1] == "left-right: 1 of 2 injected faults found (after 5 frames), 1 false alarm"
+    assert (
+        text.splitlines()[-1]
+        == "left-right: 1 of 2 injected faults found (after 5 frames), 1 false alarm, 20 single frames judged otherwise"
+    )
     assert "async +100.0 ms (slip)" in text
 
 

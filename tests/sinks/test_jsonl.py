@@ -45,6 +45,8 @@ def test_numbers_are_numbers_and_missing_values_are_null(tmp_path):
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
-    sink = JsonlSink(JsonlSettings(path="no/such/folder/out.jsonl"), base=tmp_path)
-    with pytest.raises(InputError, match=r"no/such/folder/out.jsonl: cannot be written: No such file or directory"):
+    with pytest.raises(InputError, match=r"no/such/folder/out.jsonl: cannot be written: there is no folder"):
+        JsonlSink(JsonlSettings(path="no/such/folder/out.jsonl"), base=tmp_path)
+    sink = JsonlSink(JsonlSettings(path="."), base=tmp_path)
+    with pytest.raises(InputError, match=r"cannot be written: Is a directory"):
         sink.start()

@@ -45,7 +45,7 @@ def test_driving_takes_the_street_and_the_rest_the_room():
         ({"cameras": [{"name": "right"}, {}]}, "two cameras are named right"),
         ({"motion": "drive", "scene": "room"}, "motion drive does not fit scene room"),
         ({"motion": "objects", "scene": "street"}, "motion objects does not fit scene street"),
-        ({"fps": 0}, "greater than 0"),
+        ({"fps": 0}, "greater than or equal to 0.001"),
         ({"speed": 0}, "greater than 0"),
         ({"width": 31}, "greater than or equal to 32"),
         ({"cameras": [{"name": "Top"}, {}]}, "should match pattern"),

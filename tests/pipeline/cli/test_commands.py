@@ -40,7 +40,7 @@ def test_the_configuration_of_this_folder_is_taken_before_the_shipped_one(tmp_pa
     done = syncwatch("run", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("config.yaml:1:")
-    assert "source.fps: must be greater than 0" in done.stderr
+    assert "source.fps: must be at least 0.001" in done.stderr
 
 
 def test_all_errors_come_at_once_with_their_places(tmp_path):

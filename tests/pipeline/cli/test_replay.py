@@ -128,7 +128,7 @@ def test_a_truncated_picture_ends_the_run_and_keeps_what_was_judged(tmp_path):
     ("arguments", "said"),
     [
         (["nowhere"], "nowhere"),
-        (["{recording}", "--fps", "0"], "source.fps: must be greater than 0"),
+        (["{recording}", "--fps", "0"], "source.fps: must be at least 0.001"),
         (["{recording}", "--fps", "ten"], "--fps"),
         (["{recording}", "--fault", "slip:camera=top"], "no camera 'top': this rig has left, right"),
         (["{recording}", "--fault", "slop"], "did you mean 'slip'?"),
