@@ -132,3 +132,22 @@ def test_the_message_is_complete_and_missing_values_are_null():
     }  # fmt: skip
     assert message["evidence"]["timestamp"]["offset_ms"] == 100.0
     assert message["interval_ms"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("expected_frames", "measured_frames", "cause"),
+    [
+        (0.5, 1.5, Cause.SLIP),
+        (0, 0.08, Cause.PHASE),
+        (0, 0.5, Cause.PHASE),
+        (1, 0.7, Cause.PHASE),
+        (0, 2.05, Cause.SLIP),
+    ],
+)
+def test_a_slip_is_a_whole_frame_off_what_is_expected(expected_frames, measured_frames, cause):
+    rig = Rig("bench", RIG.cameras, (Pair("left", "right", round(expected_frames * PERIOD_NS)),))
+    assert verdict(stamps(measured_frames), rig=rig).cause is cause
+
+
+def test_trusted_stamps_can_be_caught_lying():
+    assert verdict(stamps(0, synthesised=True), content(-1), trust=True).cause is Cause.STAMPS_LIE

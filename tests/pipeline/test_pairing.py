@@ -180,3 +180,42 @@ def test_memory_is_bounded_whatever_one_camera_does(max_pending, count):
     for number in range(count):
         emitted += sum(1 for _ in pairer.push(frame("a", number * PERIOD_NS, number)))
         assert number + 1 - emitted <= max_pending + 1
+
+
+@pytest.mark.parametrize("offset_ns", [100_000_000, 150_000_000, 1_000_000_000, -700_000_000])
+def test_stamps_of_another_clock_are_aligned_by_arrival_however_close_they_seem(offset_ns: int):
+    stamps = [number * PERIOD_NS for number in range(30)]
+    first = [frame("a", stamp, n, clock="a", arrived_ns=stamp + 5_000_000) for n, stamp in enumerate(stamps)]
+    second = [
+        frame("b", stamp + offset_ns, n, clock="b", arrived_ns=stamp + 6_000_000) for n, stamp in enumerate(stamps)
+    ]
+    interleaved = [item for pair in zip(first, second, strict=True) for item in pair]
+    assert told(slots_of(interleaved)[1]) == [(number, number) for number in range(30)]
+
+
+@pytest.mark.parametrize("ppm", [-1000, 50, 1000])
+@pytest.mark.parametrize("drifting", ["a", "b"])
+def test_the_drift_of_another_clock_is_followed(ppm: int, drifting: str):
+    count = 3000
+    frames = []
+    for n in range(count):
+        for name in ("a", "b"):
+            stamp = n * PERIOD_NS + (n * PERIOD_NS * ppm // 1_000_000 if name == drifting else 0)
+            frames.append(frame(name, stamp, n, clock=name, arrived_ns=n * PERIOD_NS))
+    assert told(slots_of(frames)[1]) == [(number, number) for number in range(count)]
+
+
+def test_a_camera_that_runs_away_on_the_same_clock_is_not_followed():
+    """It slips by a whole period in 1000 frames: then the frames that are nearest belong together."""
+    lanes = streams([n * PERIOD_NS for n in range(1000)], [n * (PERIOD_NS + PERIOD_NS // 1000) for n in range(1000)])
+    pairs = [pair for pair in told(slots_of(in_turn(lanes))[1]) if None not in pair]
+    assert pairs[100] == (100, 100)
+    assert pairs[-1][0] - pairs[-1][1] == 1
+
+
+def test_a_frame_of_an_old_epoch_is_late_and_disturbs_nothing():
+    frames = [frame(name, n, n, group=n, epoch=1) for n in range(6) for name in "ab"]
+    frames.insert(7, frame("a", 99, 99, group=99, epoch=0))
+    pairer, slots = slots_of(frames)
+    assert told(slots) == [(number, number) for number in range(6)]
+    assert pairer.counters.late == {"a": 1, "b": 0}

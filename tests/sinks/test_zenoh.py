@@ -115,6 +115,17 @@ def test_get_answers_the_latest_of_each(sink, prefix):
     assert len(answers) == 3
 
 
+def test_get_answers_the_latest_verdict_even_if_it_was_not_published(prefix):
+    sink = ZenohSink(ZenohSettings(prefix=prefix, verdicts="none"), rig="cart")
+    sink.start()
+    for frame in range(5):
+        sink.take(verdict(frame))
+    with zenoh.open(local()) as session:
+        answers = wait_for(lambda: ask(session, f"{prefix}/cart/**"))
+    sink.stop()
+    assert answers[f"{prefix}/cart/verdict/a-b"]["frame"] == 4
+
+
 def test_get_can_ask_for_one_thing(sink, prefix):
     sink.take(status())
     sink.take(verdict(1))

@@ -192,6 +192,68 @@ def test_a_detector_of_ones_own_is_found_beside_the_configuration(tmp_path):
     assert json.loads(done.stdout.splitlines()[0])["content"]["reason"] == "moin"
 
 
+OWN_SOURCE = """
+from syncwatch import Camera, Settings
+class MySettings(Settings):
+    type: str
+class Mine:
+    Settings = MySettings
+    live, frame_count = False, None
+    cameras = [Camera(name, 10) for name in {cameras}]
+    def __init__(self, settings): pass
+    def open(self): {opening}
+    def frames(self): return iter(())
+    def stop(self): pass
+    def close(self): pass
+"""
+
+
+@pytest.mark.parametrize(
+    ("cameras", "opening", "status", "said"),
+    [
+        (["left"], "pass", 2, "two or more cameras"),
+        (["left", "left"], "pass", 2, "of different names"),
+        (["left", "right"], "raise OSError('no such bus')", 1, "the source cannot be opened: OSError: no such bus"),
+    ],
+)
+def test_a_source_of_ones_own_that_does_not_work_is_one_line(tmp_path, cameras, opening, status, said):
+    (tmp_path / "mine.py").write_text(OWN_SOURCE.format(cameras=cameras, opening=opening))
+    (tmp_path / "c.yaml").write_text("source: {type: 'mine:Mine'}\ndetectors: {timestamp: }\n")
+    done = syncwatch("run", "c.yaml", cwd=tmp_path)
+    assert (done.returncode, said in done.stderr, "Traceback" in done.stderr) == (status, True, False), done.stderr
+
+
+def test_a_reader_of_the_console_that_goes_away_ends_the_run(tmp_path):
+    arguments = "--set 'sinks={console: {style: classic}}' --set source.width=64 --set source.height=48"
+    command = f"{sys.executable} -m syncwatch run {arguments} --set source.duration_s=100 --set 'faults=[]' | head -1"
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert len(done.stdout.splitlines()) == 1
+    assert "the reader of standard output has gone away" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_jsonl_on_stdout_moves_the_console_to_stderr(tmp_path):
+    small = ("--set", "source.duration_s=0.3", "--set", "sinks={console: {}, jsonl: {path: '-'}}")
+    done = syncwatch("run", *small, cwd=tmp_path)
+    assert [json.loads(line)["frame"] for line in done.stdout.splitlines()] == list(range(9))
+    assert "9 frames" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("rig=a b", "cannot be a rig's name"),
+        ("pairs=[left-right, left-right]", "'left-right' is given twice"),
+        ("sinks.jsonl={path: nowhere/x.jsonl}", "there is no folder"),
+    ],
+)
+def test_validate_refuses_what_run_would_refuse(tmp_path, setting, said):
+    done = syncwatch("validate", "--set", setting, cwd=tmp_path)
+    assert (done.returncode, said in done.stderr) == (2, True), done.stderr
+
+
 @pytest.mark.parametrize("wanted", ["mine:Mine", "json:loads", "os:nothing"])
 def test_a_type_of_ones_own_that_does_not_work_is_one_line(tmp_path, wanted):
     (tmp_path / "c.yaml").write_text(f"source: {{type: synthetic}}\ndetectors: {{own: {{type: '{wanted}'}}}}\n")

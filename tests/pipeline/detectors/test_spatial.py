@@ -142,3 +142,21 @@ def grey(image: Picture) -> Picture:
     if image.ndim == 2:
         return image
     return np.asarray(np.rint(image @ np.array([0.114, 0.587, 0.299])), np.uint8)
+
+
+def staggered(offset_frames: float) -> Rig:
+    return Rig("bench", RIG.cameras, (Pair("left", "right", round(offset_frames * PERIOD_NS)),))
+
+
+def test_a_pair_staggered_by_whole_frames_is_in_sync_when_it_matches_that_frame():
+    right = (picture("right", A), picture("right", B), picture("right", C))
+    (evidence,) = detector(staggered(1)).observe(window(left=picture("left", A), right=right))
+    assert (evidence.state, evidence.offset_frames) == (State.SYNC, 1.0)
+    (evidence,) = detector(staggered(0)).observe(window(left=picture("left", A), right=right))
+    assert evidence.state is State.ASYNC
+
+
+def test_a_pair_staggered_by_half_a_frame_is_beyond_it():
+    (evidence,) = detector(staggered(0.5)).observe(window(left=picture("left", A), right=picture("right", A)))
+    assert evidence.state is State.UNKNOWN
+    assert evidence.reason == "an expected offset of 0.50 frames lies between whole frames"

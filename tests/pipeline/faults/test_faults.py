@@ -200,3 +200,33 @@ def test_settings_that_make_no_sense_are_refused(settings):
         KINDS.tables["faults"]["drop"].settings.model_validate(
             {"every": 3, **settings} if "_s" in str(settings) else settings
         )
+
+
+def test_stream_time_is_that_of_the_rig_whatever_a_cameras_clock_shows():
+    """The right clock is 5 s ahead and the left camera misses the first frame."""
+
+    class Apart(Scripted):
+        def frames(self) -> Iterator[Frame]:
+            for item in super().frames():
+                if item.camera == "right":
+                    yield replace(item, captured_ns=item.captured_ns + 5_000_000_000)
+                elif item.sequence not in {0, 5}:
+                    yield item
+
+    source = faulted({"type": "seq_offset", "ids": 100, "start_s": 0.4, "stop_s": 0.7}, source=Apart())
+    source.open()
+    bent = [item.group for item in source.frames() if item.camera == "right" and item.sequence >= 100]
+    assert bent == [104, 105, 106]
+
+
+def test_what_is_assumed_of_a_recording_is_marked_as_such():
+    source = faulted({"type": "slip", "frames": 1})
+    source.open()
+    assert all(item.truth is not None and item.truth.assumed for item in source.frames())
+
+
+def test_a_source_with_one_camera_cannot_be_tampered_with():
+    source = Scripted()
+    source.cameras = source.cameras[:1]
+    with pytest.raises(InputError, match="one camera only"):
+        faulted({"type": "slip"}, source=source).open()
