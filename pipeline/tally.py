@@ -24,7 +24,7 @@ class PairTally:
 
     longest_async: frames of the longest stretch out of sync, one frame in ten forgiven.
     false_alarms: lasting changes to async while the pair was in sync.
-    wrong: decided frames, each for itself, that contradict the truth.
+    wrong: decided frames, each by itself, that contradict the truth.
     """
 
     states: Counter[State] = field(default_factory=Counter)

@@ -22,6 +22,7 @@ log = logging.getLogger("syncwatch.sinks.console")
 
 COLOUR = {State.SYNC: "green", State.ASYNC: "bold red", State.UNKNOWN: "yellow"}
 SAY_PROGRESS_EVERY_S = 10.0
+VERDICT_WIDTH = 19
 WITNESS_WIDTH = 17
 
 
@@ -105,7 +106,7 @@ class ConsoleSink:
         cells = [f"{verdict.frame if verdict.frame is not None else '-':>7}", f"{at:>8}  "]
         if len(self._rig.pairs) > 1:
             cells.append(f"{verdict.pair:<{self._pair_width}}")
-        cells.append(f"[{COLOUR[verdict.state]}]{word:<18}[/]")
+        cells.append(f"[{COLOUR[verdict.state]}]{word:<{VERDICT_WIDTH}}[/]")
         cells += [f"{_witness(item):<{WITNESS_WIDTH}}" for item in verdict.evidence]
         if verdict.truth is not None:
             cells.append(_truth(verdict.truth))
@@ -115,7 +116,7 @@ class ConsoleSink:
         cells = [f"{'frame':>7}", f"{'time':>8}  "]
         if len(self._rig.pairs) > 1:
             cells.append(f"{'pair':<{self._pair_width}}")
-        cells.append(f"{'verdict':<18}")
+        cells.append(f"{'verdict':<{VERDICT_WIDTH}}")
         cells += [escape(f"{item.detector:<{WITNESS_WIDTH}}") for item in verdict.evidence]
         if verdict.truth is not None:
             cells.append("injected" if verdict.truth.assumed else "truth")
@@ -123,7 +124,7 @@ class ConsoleSink:
 
     @property
     def _pair_width(self) -> int:
-        return max(len(pair.name) for pair in self._rig.pairs)
+        return max(len("pair"), *(len(pair.name) for pair in self._rig.pairs))
 
 
 class _Console(Console):
@@ -187,18 +188,12 @@ def summary(tally: Tally) -> list[str]:
 
 
 def _against_truth(pair: PairTally) -> str:
-    plural = "" if pair.false_alarms == 1 else "s"
-    wrong = f"{pair.wrong} single frames judged otherwise"
-    if pair.truth_assumed:
-        alarms = f"{pair.false_alarms} alarm{plural} beside them, {wrong} than if the recording was in sync"
-    else:
-        alarms = f"{pair.false_alarms} false alarm{plural}, {wrong}"
-    if not pair.injected:
-        return f"nothing was put out of sync, {alarms}"
-    found = [stretch for stretch in pair.injected if stretch.found is not None]
-    after = ", ".join(str(stretch.found) for stretch in found)
-    when = f" (after {after} frames)" if found else ""
-    return f"{len(found)} of {len(pair.injected)} injected faults found{when}, {alarms}"
+    found = [stretch.found for stretch in pair.injected if stretch.found is not None]
+    after = f" (after {', '.join(map(str, found))} frames)" if found else ""
+    faults = f"{len(found)} of {len(pair.injected)} injected faults found{after}"
+    alarms = f"{pair.false_alarms} false alarm{'' if pair.false_alarms == 1 else 's'}"
+    caveat = ", if the recording itself is in sync" if pair.truth_assumed else ""
+    return f"{faults if pair.injected else 'nothing out of sync'}, {alarms}, {pair.wrong} frames misjudged{caveat}"
 
 
 def _witness(item: Evidence) -> str:
