@@ -15,6 +15,7 @@ import argparse
 import json
 import math
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -62,7 +63,7 @@ def show(subscriber: Any, printed: Callable[[zenoh.Sample], None]) -> None:
 
 def config(router: str | None) -> zenoh.Config:
     """Through a router, or else peers on this machine only."""
-    made = zenoh.Config()
+    made: zenoh.Config = zenoh.Config()
     made.insert_json5("mode", '"client"' if router else '"peer"')
     made.insert_json5("scouting/multicast/enabled", "false" if router else "true")
     if router:
@@ -103,4 +104,7 @@ class Printer:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except zenoh.ZError as error:
+        sys.exit(f"cannot open a Zenoh session: {error}")

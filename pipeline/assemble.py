@@ -89,12 +89,18 @@ def version() -> str:
     return metadata.version("syncwatch")
 
 
-def build_source(plan: Plan) -> Source:
-    """The plan's source, with its faults injected, not yet open."""
+def build_source(
+    plan: Plan, *, wrap: Callable[[Source], Source] = lambda source: source, know_truth: bool = False
+) -> Source:
+    """The plan's source, with its faults injected, not yet open.
+
+    wrap: what to put between the source and its faults. know_truth: note the truth on frames even without any fault.
+    """
     source: Source = plan.source.build(plan.source.settings, plan)
-    if not plan.faults:
-        return source
     renderer = source if isinstance(source, Renderer) else None
+    source = wrap(source)
+    if not plan.faults and not know_truth:
+        return source
 
     def make_faults(cameras: Sequence[Camera]) -> list[Fault]:
         return [_fault(plan, index, cameras, renderer) for index in range(len(plan.faults))]

@@ -12,6 +12,7 @@ from pipeline.assemble import version
 from pipeline.cli.check import check
 from pipeline.cli.common import BAD_INPUT, FAILED, report, set_up_logging
 from pipeline.cli.configure import init, schema, validate
+from pipeline.cli.evaluate import evaluate
 from pipeline.cli.replay import replay
 from pipeline.cli.run import run
 from pipeline.errors import SyncwatchError
@@ -33,7 +34,7 @@ def app(verbose: bool) -> None:
     set_up_logging(verbose=verbose)
 
 
-for command in (run, replay, check, validate, init, schema):
+for command in (run, replay, check, evaluate, validate, init, schema):
     app.add_command(command)
 
 

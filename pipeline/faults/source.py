@@ -60,17 +60,19 @@ class FaultedSource:
 
     def _slots(self) -> Iterator[TimedSlot]:
         clock = StreamClock(self._source.cameras)
-        for index, slot in enumerate(self._paired()):
+        for index, slot in enumerate(paired_slots(self._source)):
             if any(frame is not None for frame in slot.values()):
                 stream_ns = clock.tell(slot)
                 frames = {name: frame and _prepared(frame, index, stream_ns) for name, frame in slot.items()}
                 yield TimedSlot(stream_ns, frames)
 
-    def _paired(self) -> Iterator[Slot]:
-        pairer = Pairer(self._source.cameras)
-        for frame in self._source.frames():
-            yield from pairer.push(frame)
-        yield from pairer.flush()
+
+def paired_slots(source: Source) -> Iterator[Slot]:
+    """The slots in which the rig's own pairing would put the frames of `source`."""
+    pairer = Pairer(source.cameras)
+    for frame in source.frames():
+        yield from pairer.push(frame)
+    yield from pairer.flush()
 
 
 class StreamClock:
