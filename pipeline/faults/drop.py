@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.faults.base import FaultSettings, FrameFault
+from pipeline.faults.base import FaultSettings, FrameFault, TimedSlot
 from pipeline.frame import Camera, Frame
 
 
@@ -39,14 +40,20 @@ class Drop(FrameFault):
         self._seen = 0
         self._lost = 0
 
+    def apply(self, slots: Iterable[TimedSlot]) -> Iterator[TimedSlot]:
+        for slot in super().apply(slots):
+            frame = slot.frames[self.camera.name]
+            if frame is not None and self._settings.renumber and frame.sequence is not None:
+                # A counter that has missed frames does not catch up when the losses end.
+                frame = replace(frame, sequence=frame.sequence - self._lost)
+            yield TimedSlot(slot.stream_ns, {**slot.frames, self.camera.name: frame})
+
     def bend(self, frame: Frame) -> Frame | None:
         self._seen += 1
-        if self._is_lost():
-            self._lost += 1
-            return None
-        if self._settings.renumber and frame.sequence is not None:
-            return replace(frame, sequence=frame.sequence - self._lost)
-        return frame
+        if not self._is_lost():
+            return frame
+        self._lost += 1
+        return None
 
     def _is_lost(self) -> bool:
         if self._settings.every is not None:

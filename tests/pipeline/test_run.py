@@ -51,8 +51,8 @@ def run_of(
     )
 
 
-@pytest.fixture(autouse=True)
-def impatient(monkeypatch):
+@pytest.fixture
+def _impatient(monkeypatch):
     monkeypatch.setattr(pipeline.run, "PATIENCE_S", 0.5)
 
 
@@ -130,6 +130,7 @@ def test_a_sink_that_cannot_start_ends_the_run_before_the_source_is_read():
         run.execute()
 
 
+@pytest.mark.usefixtures("_impatient")
 def test_a_sink_that_is_stuck_cannot_hang_the_end():
     hold = threading.Event()
     with pytest.raises(RunError, match=r"sink 'sink0' did not finish within .* reports lost"):
@@ -137,6 +138,7 @@ def test_a_sink_that_is_stuck_cannot_hang_the_end():
     hold.set()
 
 
+@pytest.mark.usefixtures("_impatient")
 def test_a_stuck_sink_does_not_falsify_what_the_others_are_told():
     hold = threading.Event()
     good = ListSink()
@@ -183,6 +185,7 @@ def test_stopping_before_starting_is_safe():
     assert sink.calls == ["start", "stop"]
 
 
+@pytest.mark.usefixtures("_impatient")
 def test_a_source_that_does_not_stop_is_given_up():
     class Stubborn(ScriptedSource):
         def stop(self) -> None:

@@ -124,6 +124,11 @@ def test_a_renumbered_drop_shows_no_gap_in_the_ids():
     assert [value[0] for value in slots.values()] == [0, 1, 2, 4, 5, 6, 8, 9]
 
 
+def test_a_renumbered_counter_does_not_catch_up_when_the_drops_end():
+    slots = right({"type": "drop", "every": 2, "renumber": True, "stop_s": 0.5})
+    assert [value[1] for value in slots.values()] == list(range(8))
+
+
 def test_random_drops_follow_the_seed():
     drop = {"type": "drop", "probability": 0.5}
     assert right(drop, seed=1) == right(drop, seed=1)
