@@ -12,7 +12,7 @@ from pipeline.frame import CAMERA_NAME
 from pipeline.judge import JudgeSettings
 from pipeline.settings import Settings
 
-RIG_NAME = re.compile(r"[^/*$#?\s]+")
+RIG_NAME = re.compile(r"(?!@)[^/*$#?\s]+")
 """What may stand between two slashes of a key that others subscribe to."""
 
 
@@ -56,7 +56,7 @@ class Config(Settings):
     @classmethod
     def _publishable(cls, value: str) -> str:
         if not RIG_NAME.fullmatch(value):
-            raise ValueError(f"'{value}' cannot be a rig's name: no spaces and none of / * $ # ? in it, and not empty")
+            raise ValueError(f"'{value}' cannot be a rig's name: no spaces, none of / * $ # ?, no @ first, and not empty")
         return value
 
     @field_validator("pairs")
