@@ -56,7 +56,7 @@ class Config(Settings):
     @classmethod
     def _publishable(cls, value: str) -> str:
         if not RIG_NAME.fullmatch(value):
-            raise ValueError(f"'{value}' cannot be a rig's name: no spaces, none of / * $ # ?, no @ first, and not empty")
+            raise ValueError(f"'{value}' cannot be a rig's name: no spaces, none of / * $ # ?, no @ first")
         return value
 
     @field_validator("pairs")
