@@ -12,6 +12,8 @@ from pipeline.buffer import WindowBuffer
 from pipeline.conditions import Conditions
 from pipeline.config import PairSettings
 from pipeline.configtext.document import Problem
+from pipeline.detectors.offset.detector import OffsetDetector
+from pipeline.detectors.offset.settings import OffsetSettings
 from pipeline.detectors.spatial import SpatialDetector, SpatialSettings
 from pipeline.detectors.timestamp import TimestampDetector, TimestampSettings
 from pipeline.errors import InputError
@@ -66,6 +68,7 @@ KINDS = Kinds(
         },
         "detectors": {
             "timestamp": Kind(TimestampSettings, TimestampDetector),
+            "offset": Kind(OffsetSettings, lambda s, *, name, rig, **_: OffsetDetector(s, name=name, rig=rig)),
             "spatial": Kind(SpatialSettings, lambda s, *, name, rig, **_: SpatialDetector(s, name=name, rig=rig)),
         },
         "sinks": {

@@ -1,0 +1,131 @@
+"""Finds the points of one camera in the picture of another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from pipeline.detectors.offset.arrays import Ints, Points
+from pipeline.detectors.offset.tracks import follow
+from pipeline.detectors.offset.working import Working
+from pipeline.frame import Picture
+
+FEW = 12
+"""Fewer matches cannot fix eight terms of geometry and still tell a time from it."""
+
+NEIGHBOURS = 3
+"""The median of three neighbours' disparities survives one of them being wrong or on another surface."""
+
+SEARCH_EVERY = 10
+"""Windows between two searches by descriptors while they fail: they cost as much as several ordinary windows."""
+
+FEATURES = 700
+"""Descriptors a picture for a search: enough that a fifth of overlap leaves the FEW."""
+
+RATIO = 0.85
+"""A descriptor match must beat the second best by this factor (Lowe 2004 uses 0.8; wrong ones fall to the model)."""
+
+EPIPOLAR_PX = 2.0
+"""Distance to the epipolar line within which a descriptor match counts: corners are found to about a pixel, and the
+pictures may be a frame apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class Matches:
+    """Which tracks were found in the other picture, and by how much they are displaced there.
+
+    rows: n indices into the tracks. displacement: n x 2, pixels of the common working scale.
+    """
+
+    rows: Ints
+    displacement: Points
+
+
+NOTHING = Matches(np.empty(0, np.int64), np.empty((0, 2), np.float32))
+
+
+class Matcher:
+    """Lucas-Kanade across the cameras, started from remembered disparities; by ORB where there are none."""
+
+    def __init__(self) -> None:
+        self._ids: Ints = np.empty(0, np.int64)
+        self._at: Points = np.empty((0, 2), np.float32)
+        self._displacement: Points = np.empty((0, 2), np.float32)
+        self._wait = 0
+        self.overlap = True
+
+    def match(self, ids: Ints, at: Points, first: Working, second: Working) -> Matches:
+        """Points `at` of `first` in `second`, forth and back."""
+        other = equalised(second, first)
+        matches = self._track(ids, at, first.image, other)
+        self._wait -= 1
+        if len(matches.rows) < max(FEW, 0.3 * len(ids)) and self._wait < 0:
+            self._wait = SEARCH_EVERY
+            found = search(first.image, other)
+            self.overlap = len(found[0]) >= FEW
+            if self.overlap:
+                self._ids = np.full(len(found[0]), -1, np.int64)
+                self._at, self._displacement = found
+                again = self._track(ids, at, first.image, other)
+                matches = max(matches, again, key=lambda m: len(m.rows))
+        if len(matches.rows) >= FEW:
+            self._ids, self._at = ids[matches.rows], at[matches.rows]
+            self._displacement = matches.displacement
+            self.overlap = True
+        return matches
+
+    def _track(self, ids: Ints, at: Points, first: Picture, second: Picture) -> Matches:
+        if len(ids) == 0 or len(self._ids) < NEIGHBOURS:
+            return NOTHING
+        there, found = follow(first, second, at, at + self._guess(ids, at))
+        rows = np.flatnonzero(found)
+        return Matches(rows, there[rows] - at[rows])
+
+    def _guess(self, ids: Ints, at: Points) -> Points:
+        """N x 2: each point's own last displacement, or the median of its nearest neighbours'."""
+        squared = ((at[:, None] - self._at[None]) ** 2).sum(axis=2)
+        nearest = np.argpartition(squared, NEIGHBOURS - 1, axis=1)[:, :NEIGHBOURS]
+        guess = np.median(self._displacement[nearest], axis=1)
+        _, mine, remembered = np.intersect1d(ids, self._ids, return_indices=True)
+        guess[mine] = self._displacement[remembered]
+        return np.asarray(guess, np.float32)
+
+
+def equalised(picture: Working, like: Working) -> Picture:
+    """The picture with the brightness and contrast of another: exposures of two cameras need not agree."""
+    gain = float(np.clip(like.deviation / max(picture.deviation, 1.0), 0.25, 4.0))
+    if abs(gain - 1) < 0.02 and abs(picture.mean - like.mean) < 2:
+        return picture.image
+    return np.asarray(
+        cv2.addWeighted(picture.image, gain, picture.image, 0.0, like.mean - gain * picture.mean), np.uint8
+    )
+
+
+def search(first: Picture, second: Picture) -> tuple[Points, Points]:
+    """Positions and displacements (n x 2 each) of corners seen in both pictures, whatever the cameras' poses.
+
+    ORB descriptors (Rublee et al. 2011), mutual best matches with a ratio test, kept where they agree on one epipolar
+    geometry (RANSAC with the seven-point model; MAGSAC's scoring).
+    """
+    orb = cv2.ORB.create(FEATURES, fastThreshold=7)
+    (here, mine), (there, theirs) = (orb.detectAndCompute(image, None) for image in (first, second))
+    empty = np.empty((0, 2), np.float32)
+    if mine is None or theirs is None or min(len(mine), len(theirs)) < FEW:
+        return empty, empty
+    near, best = cv2.batchDistance(mine, theirs, cv2.CV_32S, normType=cv2.NORM_HAMMING, K=2)
+    _, back = cv2.batchDistance(theirs, mine, cv2.CV_32S, normType=cv2.NORM_HAMMING, K=1)
+    best = best[:, 0]
+    clear = (near[:, 0] < RATIO * near[:, 1]) & (back[best, 0] == np.arange(len(best)))
+    source = np.array([key.pt for key in here], np.float32)[clear]
+    target = np.array([key.pt for key in there], np.float32)[best[clear]]
+    if len(source) < FEW:
+        return empty, empty
+    _, inliers = cv2.findFundamentalMat(source, target, cv2.USAC_MAGSAC, EPIPOLAR_PX, 0.99, 500)
+    if inliers is None:
+        return empty, empty
+    kept = inliers.ravel().astype(bool)
+    if kept.sum() < 0.3 * len(kept):
+        return empty, empty
+    return source[kept], target[kept] - source[kept]
