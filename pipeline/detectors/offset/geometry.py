@@ -9,10 +9,10 @@ from pipeline.detectors.offset.arrays import Floats
 PRIOR = np.array([0.3, 0.05, 0.05, 0.04, 0.03, 0.03, 0.02, 0.02])
 """Standard deviations of the terms of `design` before anything is seen, for a focal length of one picture width.
 
-1: pointing up or down and the principal point, anything; u: roll, 3 degrees; v: focal lengths, 5 %; d: the tilt of
-the baseline, 4 %; u v: toe-in, and v v: pitch, 2 degrees each; v d: one camera ahead of the other by 2 % of the
-baseline; v r^2: different lens distortion. The term v d is the one that driving at constant speed imitates: at 10 m/s,
-2 % of a baseline of 12 cm is 0.2 ms.
+1: pointing up or down, principal point, anything; u: roll, 3 degrees; v: focal lengths, 5 %; d: the baseline's
+tilt, 4 %; u v: toe-in, v v: pitch, 2 degrees each; v d: one camera ahead of the other by 2 % of the baseline; v r^2:
+different lens distortion. The term v d is the one that driving at constant speed imitates: at 10 m/s, 2 % of a baseline
+of 12 cm is 0.2 ms.
 """
 
 TERMS = len(PRIOR)
@@ -26,7 +26,7 @@ def design(u: Floats, v: Floats, d: Floats) -> Floats:
 
     u, v: position from the centre; d: displacement along the rows; all in picture widths, as is the result.
     """
-    return np.stack([np.ones_like(u), u, v, d, u * v, v * v, v * d, v * (u * u + v * v)], axis=1)
+    return np.asarray(np.stack([np.ones_like(u), u, v, d, u * v, v * v, v * d, v * (u * u + v * v)], axis=1))
 
 
 class Memory:
@@ -63,4 +63,6 @@ class Memory:
 
     def forget(self) -> None:
         """The rig was knocked, or another one stands in its place."""
-        self.__init__()  # type: ignore[misc]
+        self._information = np.zeros_like(self._information)
+        self._vector = np.zeros_like(self._vector)
+        self.windows = 0

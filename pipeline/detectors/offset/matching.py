@@ -76,6 +76,11 @@ class Matcher:
             self.overlap = True
         return matches
 
+    def start_from(self, other: Matcher) -> None:
+        """Takes over another's disparities, if it has none of its own: near enough to spare a search."""
+        if len(self._ids) < NEIGHBOURS:
+            self._ids, self._at, self._displacement = other._ids, other._at, other._displacement
+
     def _track(self, ids: Ints, at: Points, first: Picture, second: Picture) -> Matches:
         if len(ids) == 0 or len(self._ids) < NEIGHBOURS:
             return NOTHING
@@ -107,7 +112,7 @@ def search(first: Picture, second: Picture) -> tuple[Points, Points]:
     """Positions and displacements (n x 2 each) of corners seen in both pictures, whatever the cameras' poses.
 
     ORB descriptors (Rublee et al. 2011), mutual best matches with a ratio test, kept where they agree on one epipolar
-    geometry (RANSAC with the seven-point model; MAGSAC's scoring).
+    geometry (RANSAC with the seven-point model).
     """
     orb = cv2.ORB.create(FEATURES, fastThreshold=7)
     (here, mine), (there, theirs) = (orb.detectAndCompute(image, None) for image in (first, second))
@@ -122,7 +127,7 @@ def search(first: Picture, second: Picture) -> tuple[Points, Points]:
     target = np.array([key.pt for key in there], np.float32)[best[clear]]
     if len(source) < FEW:
         return empty, empty
-    _, inliers = cv2.findFundamentalMat(source, target, cv2.USAC_MAGSAC, EPIPOLAR_PX, 0.99, 500)
+    inliers = cv2.findFundamentalMat(source, target, cv2.FM_RANSAC, EPIPOLAR_PX, 0.99, 500)[1]
     if inliers is None:
         return empty, empty
     kept = inliers.ravel().astype(bool)

@@ -22,14 +22,23 @@ BLOCKS = 16
 RECENT = 3
 """Windows that must agree before a slip is believed: one may be a bad picture, two a coincidence."""
 
-SLIP_FRAMES = 0.3
-"""Smallest change that is treated as a slip at once; a smaller one is followed by the window itself."""
+SLIP_FRAMES = 0.6
+"""Rigs slip by whole frames; a smaller change is followed by the window itself, and between two frames the profile of
+a few windows wanders by up to a half where motion is curved."""
+
+GAIN = 20.0
+"""Log likelihood by which a slip must fit better: twenty points' worth, which a handful of false tracks cannot give."""
+
+AS_GOOD = 1.5
+"""Cost a point after a slip, against before it: three windows have half the points of six, and scatter more. The slip
+must also save two fifths of the whole cost, or curved motion passes for one."""
 
 HALF = 0.6
 """Beyond it another pairing is nearer; a little over a half, so that an offset of a half does not flap."""
 
 WARM = 8
 """Windows of a new rig before anything is said: each of the eight terms has then been seen at several positions."""
+
 
 STRAY = 2.5
 """Residuals this many times the usual ones come from wrong pairings, not from a change of scene."""
@@ -96,7 +105,8 @@ class PairEstimator:
         """Goes on with a search for the lag, if one is under way; at its end, moves to what it found."""
         if self._sweep is None:
             return False
-        self._sweep.visit(lambda lag, matcher: self._block(index, first, second, lag, matcher), self.memory)
+        pairing = lambda lag, matcher: self._block(index, first, second, lag, matcher)  # noqa: E731
+        self._sweep.visit(pairing, self._matcher, self.memory)
         if self._sweep.done:
             best = self._sweep.best(self._lag)
             self._sweep = None
@@ -143,16 +153,30 @@ class PairEstimator:
     def _notice_slip(self) -> None:
         """Compares the latest windows with those before; on a slip only the latest are kept."""
         fit = self._fit
-        if fit is None or len(self._blocks) < 2 * RECENT:
+        between = fit is not None and abs(fit.tau - round(fit.tau)) > 0.2
+        count = 2 * RECENT if between else RECENT  # between two frames, curved motion looks like a slip for longer
+        if fit is None or len(self._blocks) < 2 * count:
             return
-        recent = list(self._blocks)[-RECENT:]
-        taus = np.asarray(np.arange(self._lag - 1.5, self._lag + 1.51, 0.25), np.float64)
+        recent = list(self._blocks)[-count:]
+        taus = np.asarray(self._lag + np.arange(-1.5, 1.51, 0.25), np.float64)
         costs = profile(recent, fit.terms, taus, fit.scale_px)
         best = float(taus[costs.argmin()])
         nearest = costs[np.abs(taus - fit.tau).argmin()]
-        # Twenty points' worth of likelihood: a handful of false tracks cannot move the window.
-        if abs(best - fit.tau) > SLIP_FRAMES and nearest - costs.min() > 20:
+        if abs(best - fit.tau) < SLIP_FRAMES or nearest - costs.min() < max(GAIN, 0.4 * nearest):
+            return
+        earlier = list(self._blocks)[:-count]
+        usual = profile(earlier, fit.terms, np.array([fit.tau]), fit.scale_px)[0] / sum(len(b.u) for b in earlier)
+        # After a true slip the points fit as well as before it; where motion is curved they fit nowhere.
+        as_good = costs.min() / sum(len(b.u) for b in recent) < AS_GOOD * usual
+        if as_good and self._agreed(recent, fit, best):
             self._restart(recent, best)
+
+    @staticmethod
+    def _agreed(recent: list[Block], fit: Fit, best: float) -> bool:
+        """Each of the latest windows by itself prefers the new offset to the old one."""
+        both = np.array([fit.tau, best])
+        costs = [profile([block], fit.terms, both, fit.scale_px) for block in recent]
+        return all(new < old - 2 for old, new in costs)
 
     def _restart(self, blocks: list[Block], tau: float) -> None:
         assert self._fit is not None

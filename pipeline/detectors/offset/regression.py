@@ -13,7 +13,7 @@ from pipeline.detectors.offset.geometry import TERMS, Memory, design
 CAUCHY = 2.385
 """Tuning of Cauchy's weights: 95 % efficient for normal errors (Holland and Welsch 1977)."""
 
-ROUNDS = 5
+ROUNDS = 4
 SMALLEST_PX = 0.03
 """No residual scale below the precision of Lucas-Kanade on 8-bit pictures."""
 
@@ -86,7 +86,7 @@ class Stack:
     def geometry(self, tau: float) -> Floats:
         """N x 8: pixels by which each term displaces each point, at equal times."""
         d = (self.dx - (tau - self.lag) * self.mx) / self.width
-        return design(self.u, self.v, d) * self.width
+        return np.asarray(design(self.u, self.v, d) * self.width, np.float64)
 
     def residual(self, tau: float, geometry: Floats, terms: Floats) -> Floats:
         step = tau - self.lag

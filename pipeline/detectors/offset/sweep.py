@@ -37,12 +37,13 @@ class Sweep:
     def done(self) -> bool:
         return all(len(scores) >= VISITS for scores in self._scores.values())
 
-    def visit(self, pairing: Pairing, memory: Memory) -> None:
-        """Tries the lags that were seen least among those that can be paired yet."""
+    def visit(self, pairing: Pairing, known: Matcher, memory: Memory) -> None:
+        """Tries the lags that were seen least among those that can be paired yet, from the disparities `known`."""
         tried = 0
         for lag in sorted(self._lags, key=lambda lag: len(self._scores[lag])):
             if tried == A_WINDOW or len(self._scores[lag]) >= VISITS:
                 return
+            self._matchers[lag].start_from(known)
             block = pairing(lag, self._matchers[lag])
             if block == "too short a history":
                 continue
@@ -67,7 +68,7 @@ def agreement(block: Block, memory: Memory) -> float:
         spread = max(1.4826 * float(np.median(np.abs(residual))), WITHIN_PX)
         weight = 1 / (1 + (residual / spread) ** 2) / spread**2
         weighted = matrix * weight[:, None]
-        joint = weighted.T @ matrix + memory.information
-        terms = np.asarray(np.linalg.solve(joint, weighted.T @ block.dy + memory.vector), np.float64)
+        normal = weighted.T @ matrix + memory.information
+        terms = np.asarray(np.linalg.solve(normal, weighted.T @ block.dy + memory.vector), np.float64)
         residual = block.dy - matrix @ terms
     return float((1 / (1 + (residual / WITHIN_PX) ** 2)).sum())

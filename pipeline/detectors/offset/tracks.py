@@ -21,7 +21,7 @@ STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.01)
 """A hundredth of a pixel is the best that 8-bit pictures give; most points are there after five rounds."""
 
 RETURN_PX = 0.3
-"""How far from its start a point may land when followed forth and back: some three times the noise of a good track."""
+"""How far a point may land from where it started when followed forth and back: three times a good track's noise."""
 
 RENEW_FRAMES = 4
 """New corners are sought at least this often, so that what enters or starts to move is seen within a step's delay."""
@@ -81,12 +81,8 @@ class Tracker:
         """Ids, ages, positions at t-1 and t of the points that are followed already and do not crowd."""
         last = self._last
         if last is None or last.index != index - 1:
-            return (
-                np.empty(0, np.int64),
-                np.empty(0, np.int64),
-                np.empty((0, 2), np.float32),
-                np.empty((0, 2), np.float32),
-            )
+            none, nowhere = np.empty(0, np.int64), np.empty((0, 2), np.float32)
+            return none, none, nowhere, nowhere
         keep = uncrowded(last.after, spacing(now.image, self._target) / 2)
         return last.ids[keep], last.age[keep] + 1, last.at[keep], last.after[keep]
 
@@ -148,7 +144,7 @@ def corners(image: Picture, earlier: Picture, taken: Points, count: int) -> Poin
     if earlier.shape == image.shape:
         small = (image.shape[1] // 4, image.shape[0] // 4)
         change = cv2.resize(image, small, interpolation=cv2.INTER_AREA).astype(np.float32)
-        change = change - cv2.resize(earlier, small, interpolation=cv2.INTER_AREA).astype(np.float32)
+        change -= cv2.resize(earlier, small, interpolation=cv2.INTER_AREA).astype(np.float32)
         change = np.minimum(np.abs(change - np.median(change)) / MOVING_LEVELS, 3.0) ** 2
         lively = cv2.resize(1 + change, (image.shape[1], image.shape[0]), interpolation=cv2.INTER_LINEAR)
     else:

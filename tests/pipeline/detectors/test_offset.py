@@ -1,0 +1,201 @@
+"""The content offset: its regression on simulated points, its motion signals, and whole runs on pictures."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.detectors.offset.detector import OffsetDetector
+from pipeline.detectors.offset.geometry import Memory, design
+from pipeline.detectors.offset.motion_signal import MotionSignal, best_lag
+from pipeline.detectors.offset.regression import Block, learn, solve
+from pipeline.detectors.offset.settings import OffsetSettings
+from pipeline.detectors.offset.working import work_on
+from pipeline.frame import Camera, Frame, Pair, Rig, Triple, Window
+from pipeline.verdict import State
+from sources.replay.settings import ReplaySettings
+from sources.replay.source import ReplaySource
+from sources.synthetic.settings import SyntheticSettings
+from sources.synthetic.source import SyntheticSource
+
+TERMS = np.array([0.01, 0.005, -0.003, 0.002, 0.004, -0.002, 0.003, 0.001])
+WIDTH = 640.0
+
+
+def simulated(tau, frames=12, points=80, speed=1.5, noise=0.1, seed=0, terms=TERMS):
+    """Blocks of points of a rig whose second camera is `tau` frames later, moving up and down."""
+    rng = np.random.default_rng(seed)
+    u, v = rng.uniform(-0.5, 0.5, points), rng.uniform(-0.35, 0.35, points)
+    blocks = []
+    for index in range(frames):
+        my = speed * (rng.standard_normal() + 0.3 * rng.standard_normal(points))
+        dx = -rng.uniform(5, 60, points)
+        dy = design(u, v, dx / WIDTH) @ terms * WIDTH + tau * my + noise * rng.standard_normal(points)
+        jitter = noise / 2 * rng.standard_normal((2, points))
+        blocks.append(
+            Block(
+                index, 0, WIDTH, np.arange(points), np.ones(points, np.int64), u, v, dx, dy, np.zeros(points),
+                my + jitter[0], jitter[1],
+            )
+        )  # fmt: skip
+    return blocks
+
+
+@pytest.mark.parametrize("tau", [-0.75, 0.0, 0.25, 1.0])
+def test_geometry_and_offset_are_recovered_together(tau):
+    fit = solve(simulated(tau), Memory(), 0.0)
+    assert fit.tau == pytest.approx(tau, abs=0.02)
+    assert fit.motion_px > 1
+
+
+def test_the_error_bar_holds_the_truth():
+    fits = [solve(simulated(0.3, noise=0.3, seed=seed), Memory(), 0.0) for seed in range(60)]
+    held = np.mean([abs(fit.tau - 0.3) < 2 * fit.sigma for fit in fits])
+    assert held >= 0.85
+    assert np.median([fit.sigma for fit in fits]) < 0.05
+
+
+def test_without_motion_most_of_what_moves_is_noise():
+    fit = solve(simulated(0.5, speed=0.0), Memory(), 0.0)
+    assert fit.motion_px < fit.scale_px
+
+
+def test_a_lasting_offset_is_not_learned_as_geometry():
+    memory = Memory()
+    for seed in range(40):
+        blocks = simulated(1.0, frames=6, seed=seed)
+        fit = solve(blocks, memory, 1.0)
+        learn(memory, blocks[0], fit)
+    assert fit.tau == pytest.approx(1.0, abs=0.03)
+    assert memory.terms == pytest.approx(TERMS, abs=0.002)
+
+
+def test_constant_forward_speed_keeps_the_offset_near_the_truth_by_the_prior():
+    """Motion proportional to y d is what a camera mounted ahead of the other would show."""
+    rng = np.random.default_rng(1)
+    u, v = rng.uniform(-0.5, 0.5, 200), rng.uniform(-0.3, 0.3, 200)
+    blocks = []
+    for index in range(12):
+        dx = -rng.uniform(5, 60, 200)
+        my = v * -dx * 2
+        dy = my + 0.1 * rng.standard_normal(200)
+        ones = np.ones(200, np.int64)
+        blocks.append(Block(index, 0, WIDTH, np.arange(200), ones, u, v, dx, dy, np.zeros(200), my, np.zeros(200)))
+    fit = solve(blocks, Memory(), 0.0)
+    assert abs(fit.tau - 1) < 3 * fit.sigma
+    assert fit.tau > 0.8
+
+
+@pytest.mark.parametrize("lag", [-3, 0, 4])
+def test_the_lag_of_two_pans_is_found_from_the_motion_of_whole_pictures(lag):
+    rng = np.random.default_rng(2)
+    path = np.cumsum(cv2.GaussianBlur(rng.standard_normal((80, 1)), (1, 9), 2).ravel() * 6)
+    texture = cv2.GaussianBlur(rng.integers(0, 256, (120, 600), np.uint8), (0, 0), 3)
+    texture = cv2.normalize(texture, None, 0, 255, cv2.NORM_MINMAX)
+
+    def shown(t):
+        shift = np.float32([[1, 0, -200 + path[t]], [0, 1, 0]])
+        return work_on(cv2.warpAffine(texture, shift, (160, 120), borderMode=cv2.BORDER_REFLECT), 640)
+
+    first, second = MotionSignal(10), MotionSignal(10)
+    for t in range(11, 69):
+        first.add(t, shown(t - 1), shown(t))
+        second.add(t, shown(t + lag - 1), shown(t + lag))
+    found = best_lag(first, second, 10)
+    assert found is not None
+    assert (found.frames, found.sure) == (lag, True)
+
+
+def pictures(source, count):
+    """The first `count` pictures of both cameras."""
+    seen = {"left": [], "right": []}
+    source.open()
+    try:
+        for item in source.frames():
+            if len(seen[item.camera]) < count:
+                seen[item.camera].append(item.image)
+            if all(len(images) == count for images in seen.values()):
+                break
+    finally:
+        source.stop()
+        source.close()
+    return seen["left"], seen["right"]
+
+
+def observed(left, right, fps=10.0, **settings):
+    """Evidence for each window of two lists of pictures."""
+    rig = Rig("bench", (Camera("left", fps), Camera("right", fps)), (Pair("left", "right"),))
+    detector = OffsetDetector(OffsetSettings(**settings), name="offset", rig=rig)
+    period_ns = round(1e9 / fps)
+
+    def frames(name, images):
+        made = [
+            None if image is None else Frame(name, n, n * period_ns, "rig", n * period_ns, image, group=n)
+            for n, image in enumerate(images)
+        ]
+        return [None, *made, None]
+
+    sides = {"left": frames("left", left), "right": frames("right", right)}
+    return [
+        detector.observe(Window(n, {name: Triple(*side[n : n + 3], n) for name, side in sides.items()}))[0]
+        for n in range(min(len(left), len(right)))
+    ]
+
+
+def rendered(**settings):
+    return SyntheticSource(SyntheticSettings(speed="max", fps=30, width=320, height=240, **settings), seed=5)
+
+
+@pytest.fixture(scope="module")
+def handheld():
+    return pictures(rendered(motion="handheld", duration_s=1.7), 50)
+
+
+@pytest.mark.parametrize("shift", [0, 1, -2])
+def test_a_rendered_handheld_rig_is_measured_from_the_first_frame_on(handheld, shift):
+    left, right = handheld
+    if shift:
+        left, right = (left[:-shift], right[shift:]) if shift > 0 else (left[-shift:], right[:shift])
+    late = observed(left, right, 30)[25:-1]
+    assert all(e.state is (State.ASYNC if shift else State.SYNC) for e in late)
+    assert all(abs(e.offset_frames - shift) < 0.05 for e in late)
+
+
+def test_a_slip_is_seen_within_ten_frames(handheld):
+    left, right = handheld
+    found = observed(left, right[:32] + right[33:], 30)
+    onset = next(n for n, e in enumerate(found) if n >= 32 and e.state is State.ASYNC and e.offset_frames > 0.5)
+    assert onset - 32 <= 10
+
+
+def test_holes_are_survived_and_said(handheld):
+    left, right = (list(side) for side in handheld)
+    right[20] = None
+    found = observed(left, right, 30)
+    assert (found[20].state, found[20].reason) == (State.UNKNOWN, "no frame of right")
+    assert found[-2].state is State.SYNC
+
+
+def test_a_still_scene_is_never_decided():
+    found = observed(*pictures(rendered(motion="still", duration_s=1.2), 35), 30)
+    assert {e.state for e in found} == {State.UNKNOWN}
+
+
+def test_black_pictures_are_never_decided():
+    black = [np.zeros((120, 160), np.uint8)] * 25
+    assert {e.state for e in observed(black, black)} == {State.UNKNOWN}
+
+
+@pytest.mark.parametrize("shift", [0, 1])
+def test_driving_is_measured_on_real_pictures(recordings, shift):
+    left, right = pictures(ReplaySource(ReplaySettings(path="kitti_odo_seq1", fps=10), base=recordings), 36)
+    late = observed(left[: 36 - shift], right[shift:])[22:-1]
+    assert all(e.state is (State.ASYNC if shift else State.SYNC) for e in late)
+    assert all(abs(e.offset_frames - shift) < 0.05 for e in late)
+
+
+@pytest.mark.parametrize("shift", [0, 2])
+def test_codec_flicker_is_never_decided(recordings, shift):
+    left, right = pictures(ReplaySource(ReplaySettings(path="robot_static", fps=30), base=recordings), 60)
+    assert {e.state for e in observed(left[: 60 - shift], right[shift:], 30)} == {State.UNKNOWN}
