@@ -79,7 +79,10 @@ class OffsetDetector:
 
     def observe(self, window: Window) -> Sequence[Evidence]:
         if window.index % self._settings.every:
-            return [self._abstain(pair, f"not looked at: one window in {self._settings.every} is") for pair in self._rig.pairs]
+            return [
+                self._abstain(pair, f"not looked at: one window in {self._settings.every} is")
+                for pair in self._rig.pairs
+            ]
         for camera, eye in self._eyes.items():
             eye.look(window, window.cameras[camera])
         return [self._judge(pair, window) for pair in self._rig.pairs]
