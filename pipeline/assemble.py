@@ -108,7 +108,7 @@ def build_source(
     def make_faults(cameras: Sequence[Camera]) -> list[Fault]:
         return [_fault(plan, index, cameras, renderer) for index in range(len(plan.faults))]
 
-    return FaultedSource(source, make_faults)
+    return FaultedSource(source, make_faults, plan.config.buffer)
 
 
 def build_rig(plan: Plan, cameras: Sequence[Camera]) -> Rig:

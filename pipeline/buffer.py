@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from pipeline.errors import InputError
 from pipeline.frame import NS_PER_MS, Camera, Frame, Triple, Window
 from pipeline.pairing import Counters, Pairer, Slot
 from pipeline.settings import Settings
@@ -19,8 +20,23 @@ class BufferSettings(Settings):
     max_pending: how many frames of one camera wait for the others before these are given up.
     """
 
-    pairing_tolerance_ms: Literal["auto"] | Annotated[float, Field(gt=0)] = "auto"
+    pairing_tolerance_ms: Literal["auto"] | Annotated[float, Field(gt=0, le=1e9)] = "auto"
     max_pending: int = Field(default=16, ge=2, le=1000)
+
+
+def make_pairer(cameras: Sequence[Camera], settings: BufferSettings) -> Pairer:
+    """A pairer as configured. Raises InputError for a tolerance that would reach the next frame but one."""
+    tolerance = settings.pairing_tolerance_ms
+    if tolerance == "auto":
+        return Pairer(cameras, max_pending=settings.max_pending)
+    tolerance_ns = round(tolerance * NS_PER_MS)
+    period_ns = min(camera.period_ns for camera in cameras)
+    if tolerance_ns > period_ns:
+        raise InputError(
+            f"buffer.pairing_tolerance_ms: {tolerance:g} is more than a period ({period_ns / NS_PER_MS:g} ms): "
+            "frames would be paired with others than their own"
+        )
+    return Pairer(cameras, tolerance_ns=tolerance_ns, max_pending=settings.max_pending)
 
 
 class WindowBuffer:
@@ -35,12 +51,7 @@ class WindowBuffer:
     """
 
     def __init__(self, cameras: Sequence[Camera], settings: BufferSettings) -> None:
-        tolerance = settings.pairing_tolerance_ms
-        self._pairer = Pairer(
-            cameras,
-            tolerance_ns=None if tolerance == "auto" else round(tolerance * NS_PER_MS),
-            max_pending=settings.max_pending,
-        )
+        self._pairer = make_pairer(cameras, settings)
         self._names = tuple(camera.name for camera in cameras)
         self._nothing: Slot = dict.fromkeys(self._names)
         self._previous: Slot = self._nothing

@@ -28,15 +28,24 @@ class Change:
 
 
 class Steady:
-    """The state of one pair without flicker: it changes when the same other state was said CONFIRM times in a row."""
+    """The state of one pair without flicker: it changes when the same other state was said CONFIRM times in a row.
+
+    A frame that cannot be judged speaks neither for nor against a change: it is passed over, unless so many follow each
+    other that not being able to tell is itself what lasts.
+    """
 
     def __init__(self) -> None:
         self.state: State | None = None
         self._candidates: list[Verdict] = []
         self._since_ns = 0
+        self._unknowns: list[Verdict] = []
+        self._unknown_since_ns = 0
 
     def add(self, verdict: Verdict, now_ns: int = 0) -> Change | None:
         """Takes the pair's next verdict, said at `now_ns`; returns the change it confirms, if any."""
+        if verdict.state is State.UNKNOWN:
+            return self._cannot_tell(verdict, now_ns)
+        self._unknowns.clear()
         if self._candidates and self._candidates[0].state is not verdict.state:
             self._candidates.clear()
         if verdict.state is self.state:
@@ -46,9 +55,24 @@ class Steady:
         self._candidates.append(verdict)
         if len(self._candidates) < CONFIRM:
             return None
-        change = Change(verdict.state, tuple(self._candidates), self._since_ns)
-        self.state = verdict.state
+        return self._change(self._candidates, self._since_ns)
+
+    def _cannot_tell(self, verdict: Verdict, now_ns: int) -> Change | None:
+        if not self._unknowns:
+            self._unknown_since_ns = now_ns
+        if len(self._unknowns) < CONFIRM:
+            self._unknowns.append(verdict)
+        if len(self._unknowns) < CONFIRM:
+            return None
         self._candidates.clear()
+        if self.state is State.UNKNOWN:
+            return None
+        return self._change(self._unknowns, self._unknown_since_ns)
+
+    def _change(self, verdicts: list[Verdict], since_ns: int) -> Change:
+        change = Change(verdicts[0].state, tuple(verdicts), since_ns)
+        self.state = change.state
+        verdicts.clear()
         return change
 
 

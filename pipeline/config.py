@@ -20,7 +20,7 @@ class PairSettings(Settings):
     """Two cameras to compare. expected_offset_ms: how much later the second is triggered on purpose."""
 
     pair: str
-    expected_offset_ms: float = 0.0
+    expected_offset_ms: float = Field(default=0.0, ge=-1e9, le=1e9)
 
     @field_validator("pair")
     @classmethod

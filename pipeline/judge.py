@@ -24,7 +24,7 @@ class JudgeSettings(Settings):
     unknown_is: the level of a rig that cannot be judged.
     """
 
-    sync_tolerance_ms: Literal["auto"] | Annotated[float, Field(gt=0)] = "auto"
+    sync_tolerance_ms: Literal["auto"] | Annotated[float, Field(gt=0, le=1e9)] = "auto"
     combine: Literal["evidence", "classic"] = "evidence"
     unknown_is: Literal["ok", "warn"] = "ok"
 

@@ -159,7 +159,9 @@ class Run:
                 sink.start()
                 started.append(sink)
             self._judge_everything()
-        except BaseException as error:  # whatever it is, sinks and source are wound up first
+        except KeyboardInterrupt:  # the run is abandoned
+            raise
+        except BaseException as error:  # whatever else it is, sinks and source are wound up first
             failures.append(_explained("judging failed", error))
         failures += self._stop_source()
         for sink in started:

@@ -24,6 +24,7 @@ class _PairState:
     since_ns: int
     steady: Steady = field(default_factory=Steady)
     shown: Verdict | None = None
+    alarm: Verdict | None = None
     verdicts: int = 0
     decided: int = 0
 
@@ -71,6 +72,8 @@ class StatusKeeper:
         other_cause = pair.shown is not None and pair.shown.cause is not verdict.cause
         if verdict.state is pair.steady.state:
             pair.shown = verdict
+            if verdict.state is not State.UNKNOWN:
+                pair.alarm = verdict if verdict.state is State.ASYNC else None
             return change is not None or other_cause
         return change is not None
 
@@ -102,9 +105,9 @@ class StatusKeeper:
         silent_ns = self._monotonic_ns() - self._heard_ns
         if silent_ns > self._stale_ns:
             return Level.STALE, (f"no frames for {silent_ns / NS_PER_S:.0f} s",)
-        wrong = [v for v in self._shown() if v.state is State.ASYNC]
+        wrong = [pair for pair in self._pairs.values() if pair.alarm is not None]
         if wrong:
-            return Level.ERROR, tuple(f"{v.pair}: {describe_offset(v)}{_because(v)}" for v in wrong)
+            return Level.ERROR, tuple(_complaint(pair) for pair in wrong)
         unsure = [v for v in self._shown() if v.state is State.UNKNOWN]
         if unsure and self._unknown_is is not Level.OK:
             return self._unknown_is, tuple(
@@ -116,8 +119,12 @@ class StatusKeeper:
         return [pair.shown for pair in self._pairs.values() if pair.shown is not None]
 
 
-def _because(verdict: Verdict) -> str:
-    return f" ({verdict.cause.value})" if verdict.cause else ""
+def _complaint(pair: _PairState) -> str:
+    """What is wrong with a pair; being unable to tell does not put it right."""
+    assert pair.alarm is not None
+    cause = f" ({pair.alarm.cause.value})" if pair.alarm.cause else ""
+    since = "; cannot tell any more" if pair.steady.state is State.UNKNOWN else ""
+    return f"{pair.alarm.pair}: {describe_offset(pair.alarm)}{cause}{since}"
 
 
 def _pair_status(pair: _PairState) -> PairStatus:

@@ -68,7 +68,9 @@ class PairTally:
             self.injected.append(self._current)
         stretch = self._current
         stretch.frames += 1
-        stretch.in_a_row = stretch.in_a_row + 1 if state is State.ASYNC else 0
+        if state is State.SYNC:
+            stretch.in_a_row = 0
+        stretch.in_a_row += state is State.ASYNC
         if stretch.in_a_row == CONFIRM and stretch.found is None:
             stretch.found = stretch.frames
 

@@ -31,6 +31,9 @@ CONFIG_NAME = "config.yaml"
 AT_ONCE = 3
 """Signals after which a run is abandoned: people press Ctrl-C twice without meaning more than once."""
 
+GIVE_UP_S = 15
+"""Seconds from a signal until what the main thread is stuck in, a user's own detector say, is interrupted."""
+
 set_option = click.option(
     "--set",
     "overrides",
@@ -101,19 +104,26 @@ def execute(
 
 @contextmanager
 def _stopped_by_signals(run: Run) -> Iterator[list[int]]:
-    """The first SIGINT or SIGTERM ends the run in order, the third at once."""
+    """The first SIGINT or SIGTERM ends the run in order, the third at once; so does a part that blocks for too long."""
     received: list[int] = []
 
     def handle(number: int, _: FrameType | None) -> None:
         received.append(number)
         run.stop()
+        signal.alarm(GIVE_UP_S)
         if len(received) >= AT_ONCE:
             raise KeyboardInterrupt
 
+    def give_up(_: int, __: FrameType | None) -> None:
+        signal.alarm(GIVE_UP_S)
+        raise RunError(f"a part of the pipeline did not end within {GIVE_UP_S} s of the signal")
+
     before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    before[signal.SIGALRM] = signal.signal(signal.SIGALRM, give_up)
     try:
         yield received
     finally:
+        signal.alarm(0)
         for number, action in before.items():
             signal.signal(number, action)
 

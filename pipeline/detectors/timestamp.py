@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -25,12 +25,14 @@ class TimestampSettings(Settings):
     """
 
     type: Literal["timestamp"] = "timestamp"
-    threshold_ms: float | Literal["auto"] = Field(default="auto")
+    threshold_ms: Annotated[float, Field(gt=0, le=1e9)] | Literal["auto"] = "auto"
     ids: Literal["equal", "learn", "ignore"] | None = None
 
 
 class TimestampDetector:
-    """|first - second| <= threshold and equal ids: sync. Abstains only where a frame is missing.
+    """|first - second| <= threshold and equal ids: sync.
+
+    Abstains where a frame is missing and, outside the classic rule, where the two stamps are not of one clock.
 
     Source: the report, sections 2.1, 3.1.1 and Algorithm 2 (docs/classic-algorithm.md).
     """
@@ -38,6 +40,7 @@ class TimestampDetector:
     def __init__(self, settings: TimestampSettings, *, name: str, rig: Rig, classic: bool) -> None:
         self._name = name
         self._rig = rig
+        self._classic = classic
         self._threshold_ms = settings.threshold_ms
         self._ids = settings.ids or ("equal" if classic else "learn")
         self._differences: dict[str, deque[int]] = {pair.name: deque(maxlen=ID_HISTORY) for pair in rig.pairs}
@@ -49,6 +52,8 @@ class TimestampDetector:
         first, second = (window.cameras[name].current for name in (pair.first, pair.second))
         if first is None or second is None:
             return self._evidence(pair, State.UNKNOWN, f"no frame of {pair.first if first is None else pair.second}")
+        if first.clock != second.clock and not self._classic:
+            return self._evidence(pair, State.UNKNOWN, f"stamps of different clocks: {first.clock} and {second.clock}")
         period_ns = self._rig.camera(pair.first).period_ns
         difference_ns = second.captured_ns - first.captured_ns
         off_ns = abs(difference_ns - pair.expected_offset_ns)

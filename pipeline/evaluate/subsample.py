@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from pipeline.buffer import BufferSettings
 from pipeline.faults.source import StreamClock, paired_slots
 from pipeline.frame import Camera, Frame, Source, Truth
 
@@ -40,7 +41,7 @@ class SubsampledSource:
     def frames(self) -> Iterator[Frame]:
         clock = StreamClock(self._source.cameras)
         first = self._source.cameras[0].name
-        for index, slot in enumerate(paired_slots(self._source)):
+        for index, slot in enumerate(paired_slots(self._source, BufferSettings())):
             present = [frame for frame in slot.values() if frame is not None]
             if not present:
                 continue

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
+from pipeline.buffer import BufferSettings, make_pairer
 from pipeline.faults.base import Fault, TimedSlot
 from pipeline.frame import Camera, Frame, Source, Truth
-from pipeline.pairing import Pairer, Slot
+from pipeline.pairing import Slot
 
 
 class FaultedSource:
@@ -17,11 +18,17 @@ class FaultedSource:
     rig's own pairing puts them in. So a fault changes what a slot holds, never which slot. Truth is noted on every
     frame: where the source does not know it, the recording is assumed to have been in sync.
 
-    make_faults: called once the source is open, when its cameras are known.
+    make_faults: called once the source is open, when its cameras are known. pairing: as in the rig's own buffer.
     """
 
-    def __init__(self, source: Source, make_faults: Callable[[Sequence[Camera]], Sequence[Fault]]) -> None:
+    def __init__(
+        self,
+        source: Source,
+        make_faults: Callable[[Sequence[Camera]], Sequence[Fault]],
+        pairing: BufferSettings | None = None,
+    ) -> None:
         self._source = source
+        self._pairing = pairing or BufferSettings()
         self._make_faults = make_faults
         self._faults: Sequence[Fault] = ()
 
@@ -60,16 +67,16 @@ class FaultedSource:
 
     def _slots(self) -> Iterator[TimedSlot]:
         clock = StreamClock(self._source.cameras)
-        for index, slot in enumerate(paired_slots(self._source)):
+        for index, slot in enumerate(paired_slots(self._source, self._pairing)):
             if any(frame is not None for frame in slot.values()):
                 stream_ns = clock.tell(slot)
                 frames = {name: frame and _prepared(frame, index, stream_ns) for name, frame in slot.items()}
                 yield TimedSlot(stream_ns, frames)
 
 
-def paired_slots(source: Source) -> Iterator[Slot]:
+def paired_slots(source: Source, pairing: BufferSettings) -> Iterator[Slot]:
     """The slots in which the rig's own pairing would put the frames of `source`."""
-    pairer = Pairer(source.cameras)
+    pairer = make_pairer(source.cameras, pairing)
     for frame in source.frames():
         yield from pairer.push(frame)
     yield from pairer.flush()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
+from pydantic import Field
+
 from pipeline.faults.base import FaultSettings, FrameFault
 from pipeline.frame import Camera, Frame
 
@@ -13,7 +15,7 @@ class StampDriftSettings(FaultSettings):
     """ppm: how fast the camera's clock runs away; positive = fast."""
 
     type: Literal["stamp_drift"] = "stamp_drift"
-    ppm: float = 100
+    ppm: float = Field(default=100, gt=-1e6, le=1e6)
 
 
 class StampDrift(FrameFault):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.buffer import BufferSettings, WindowBuffer
+from pipeline.errors import InputError
 from pipeline.frame import Camera, Frame, Triple, Window
 from tests.frames import frame
 
@@ -56,6 +58,11 @@ def test_a_window_comes_one_slot_late():
     buffer = WindowBuffer(RIG, BufferSettings())
     made = [len(list(buffer.push(frame(name, n, n, group=n)))) for n in range(3) for name in "ab"]
     assert made == [0, 0, 0, 1, 0, 1]
+
+
+def test_a_tolerance_that_reaches_beyond_the_next_frame_is_refused():
+    with pytest.raises(InputError, match=r"pairing_tolerance_ms: 101 is more than a period \(100 ms\)"):
+        WindowBuffer(RIG, BufferSettings(pairing_tolerance_ms=101))
 
 
 def test_an_empty_stream_has_no_windows():

@@ -55,6 +55,11 @@ def test_unknown_neither_opens_nor_closes_an_event():
     assert events("uuuuuaaaaauuuuuusssss")[0] == [("onset", 9), ("end", 20)]
 
 
+def test_frames_that_cannot_be_judged_do_not_hide_a_lasting_change():
+    assert changes("ssssss" + "aaaau" * 4) == [("sync", 0), ("async", 6)]
+    assert changes("ssssss" + "aaaauuuuu" * 3) == [("sync", 0), ("unknown", 10)]
+
+
 def test_what_is_open_at_the_end_is_closed():
     assert events("sssaaaaaa")[0] == [("onset", 7), ("end", 9)]
 

@@ -279,6 +279,23 @@ def test_the_source_is_closed_after_the_run():
     assert run._parts.source.calls[-1] == "close"
 
 
+def test_an_alarm_stays_when_the_partner_dies():
+    left = [item for item in frames(20, 30) if item.camera == "left"]
+    sink = ListSink()
+    run_of([*frames(10), *frames(20, 10, PERIOD_NS), *left], sink).execute()
+    assert sink.statuses[-1].level is Level.ERROR
+    assert sink.statuses[-1].reasons == ("left-right: right is 100.0 ms later than left (slip); cannot tell any more",)
+
+
+def test_an_abandoned_run_is_not_an_error_of_a_part():
+    class Impatient:
+        def observe(self, window: Window) -> Sequence[Evidence]:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_of(frames(5), ListSink(), detector=Impatient()).execute()
+
+
 def test_a_silent_rig_becomes_stale():
     sink = ListSink()
     clock = iter(range(0, 10**15, 10**9))

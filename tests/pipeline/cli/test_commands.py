@@ -167,6 +167,28 @@ def lines(file) -> int:
     return len(file.read_text().splitlines()) if file.exists() else 0
 
 
+def test_a_signal_ends_a_detector_that_is_stuck(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "import time\nfrom pathlib import Path\nimport pipeline.cli.common as common\nfrom syncwatch import Settings\n"
+        "common.GIVE_UP_S = 1\n"
+        "class MySettings(Settings):\n    type: str\n"
+        "class Mine:\n    Settings = MySettings\n"
+        "    def __init__(self, settings, *, name, rig): pass\n"
+        "    def observe(self, window):\n        Path('stuck').touch()\n        time.sleep(3600)\n"
+    )
+    (tmp_path / "c.yaml").write_text(
+        "source: {type: synthetic, width: 64, height: 48}\ndetectors: {own: {type: 'mine:Mine'}}\n"
+    )
+    command = [sys.executable, "-m", "syncwatch", "run", "c.yaml"]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+        wait_for((tmp_path / "stuck").exists, 30)
+        process.terminate()
+        _, err = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert "did not end within 1 s of the signal" in err
+    assert "Traceback" not in err
+
+
 def test_a_detector_of_ones_own_is_found_beside_the_configuration(tmp_path):
     (tmp_path / "mine.py").write_text(
         "from typing import Literal\n"

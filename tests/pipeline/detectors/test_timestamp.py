@@ -85,6 +85,12 @@ def test_synthesised_stamps_are_told_apart():
     assert evidence.synthesised
 
 
+@pytest.mark.parametrize(("classic", "state"), [(False, State.UNKNOWN), (True, State.ASYNC)])
+def test_stamps_of_different_clocks_are_compared_by_the_classic_rule_alone(classic, state):
+    frames = window(left=frame("left", 0, 5), right=frame("right", 37 * PERIOD_NS, 5, clock="right"))
+    assert detector(classic=classic).observe(frames)[0].state is state
+
+
 def test_every_pair_of_a_rig_gets_its_evidence():
     cameras = tuple(Camera(name, 10) for name in "abc")
     rig = Rig("bench", cameras, (Pair("a", "b"), Pair("a", "c")))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.assemble import KINDS
+from pipeline.buffer import BufferSettings
 from pipeline.errors import InputError
 from pipeline.faults.base import Fault
 from pipeline.faults.source import FaultedSource
@@ -222,6 +223,24 @@ def test_stream_time_is_that_of_the_rig_whatever_a_cameras_clock_shows():
     source.open()
     bent = [item.group for item in source.frames() if item.camera == "right" and item.sequence >= 100]
     assert bent == [104, 105, 106]
+
+
+def test_faults_pair_as_the_rigs_own_buffer_does():
+    """The right stamps lie 30 ms off every third frame: beyond a tolerance of 20 ms they stand alone."""
+
+    class Jittery(Scripted):
+        def frames(self) -> Iterator[Frame]:
+            for item in super().frames():
+                off_ns = 30_000_000 * (item.camera == "right" and item.sequence % 3 == 2)
+                yield replace(item, captured_ns=item.captured_ns + off_ns)
+
+    counts = []
+    for tolerance in ("auto", 20.0):
+        source = FaultedSource(Jittery(grouped=False), lambda _: [], BufferSettings(pairing_tolerance_ms=tolerance))
+        source.open()
+        groups = [item.group for item in source.frames()]
+        counts.append(len(set(groups)))
+    assert counts == [10, 13]
 
 
 def test_what_is_assumed_of_a_recording_is_marked_as_such():
