@@ -5,28 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.detectors.offset.motion_signal import MotionSignal
-from pipeline.detectors.offset.pair import Estimate, PairEstimator, View
+from pipeline.detectors.offset.pair import PairEstimator, View
 from pipeline.detectors.offset.settings import OffsetSettings
-from pipeline.detectors.offset.tracks import Tracker, Tracks
+from pipeline.detectors.offset.tracks import Flow, Tracker, Tracks
+from pipeline.detectors.offset.weigh import Finding, weigh
 from pipeline.detectors.offset.working import Working, work_on
 from pipeline.frame import NS_PER_MS, Pair, Rig, Triple, Window
 from pipeline.pictures import Memo
 from pipeline.verdict import Basis, Evidence, State
-
-FLOOR_FRAMES = 0.004
-FLOOR_PX = 0.004
-"""Systematic error: a share of a frame (unequal shutters, interpolation) and of a pixel (lens, pixel grid)."""
-
-MOST_NOISE = 0.5
-"""When half of the apparent motion is tracking noise, nothing is said."""
-
-INTERPOLATION = 0.25
-"""Error of a moment between two frames, by its distance from the nearer one: motion that is curved over a frame is only
-known at three moments. A sine of a radian a frame is off by 0.06 of a frame midway, and
-heads and hands by twice that."""
-
-LEAST_MOVING, LEAST_REGIONS = 8, 2
-"""Points that must move across the rows, and cells of the picture they must be in: fewer may all be false together."""
 
 
 class Eye:
@@ -39,6 +25,7 @@ class Eye:
         self._tracker = Tracker(settings.points) if tracked else None
         self._pictures: dict[int, Working] = {}
         self._tracks: dict[int, Tracks] = {}
+        self._flows: dict[int, Flow] = {}
         self._signal = MotionSignal(settings.max_lag_frames)
 
     @property
@@ -52,10 +39,14 @@ class Eye:
             if frame is not None:
                 self._pictures[slot] = self._memo[frame]
         before, now, after = (self._pictures.get(slot) for slot in (index - 1, index, index + 1))
-        if before is not None and now is not None and triple.previous is not None:
-            self._signal.add(index, before, now)
-            if self._tracker is not None and after is not None and alike(before, now, after):
-                self._tracks[index] = self._tracker.step(index, before, now, after)
+        if now is not None and after is not None and index + 1 not in self._flows:
+            flow = self._signal.add(index + 1, now, after)
+            if flow is not None:
+                self._flows[index + 1] = flow
+        back, forth = self._flows.get(index), self._flows.get(index + 1)
+        if self._tracker is not None and before and now and after and back and forth and alike(before, now, after):
+            self._tracks[index] = self._tracker.step(index, before, now, after, back, forth)
+        self._flows = {slot: f for slot, f in self._flows.items() if slot > index}
         self._pictures = {slot: p for slot, p in self._pictures.items() if slot >= index - self._keep}
         self._tracks = {slot: p for slot, p in self._tracks.items() if slot >= index - self._keep}
 
@@ -75,7 +66,9 @@ class OffsetDetector:
         firsts = {pair.first for pair in rig.pairs}
         used = [c.name for c in rig.cameras if any(c.name in (p.first, p.second) for p in rig.pairs)]
         self._eyes = {camera: Eye(settings, tracked=camera in firsts) for camera in used}
-        self._estimators = {pair.name: PairEstimator(settings.max_lag_frames) for pair in rig.pairs}
+        self._estimators = {
+            pair.name: PairEstimator(settings.max_lag_frames, with_halves=settings.halves) for pair in rig.pairs
+        }
 
     def observe(self, window: Window) -> Sequence[Evidence]:
         if window.index % self._settings.every:
@@ -93,53 +86,34 @@ class OffsetDetector:
             if triple.current is None:
                 return self._abstain(pair, f"no frame of {camera}")
         first, second = self._eyes[pair.first].view, self._eyes[pair.second].view
-        result = self._estimators[pair.name].update(window.index, first, second)
-        return self._abstain(pair, result) if isinstance(result, str) else self._say(pair, result)
+        estimator = self._estimators[pair.name]
+        points = estimator.update(window.index, first, second)
+        return self._say(pair, weigh(points, estimator.signal))
 
-    def _say(self, pair: Pair, estimate: Estimate) -> Evidence:
-        fit = estimate.fit
+    def _say(self, pair: Pair, found: Finding) -> Evidence:
+        if found.tau is None or found.sigma is None:
+            return self._abstain(pair, found.why)
         period_ns = self._rig.camera(pair.second).period_ns
-        between = INTERPOLATION * abs(fit.tau - round(fit.tau))
-        floor = FLOOR_FRAMES + FLOOR_PX / max(fit.motion_px, 1e-3) + between
-        sigma = float((fit.sigma**2 + floor**2) ** 0.5)
         tolerance = self._tolerance_ns(period_ns) / period_ns
-        away = abs(fit.tau - pair.expected_offset_ns / period_ns)
-        state, reason = State.UNKNOWN, "error too large beside the tolerance"
-        if abs(fit.tau - estimate.lag) > 1.2:
-            reason = "pairing not settled"
-        elif (
-            fit.motion_px < fit.scale_px
-            or fit.noise_share > MOST_NOISE
-            or fit.moving < LEAST_MOVING
-            or fit.regions < LEAST_REGIONS
-        ):
-            reason = "no motion across the rows"
-        elif away + 2 * sigma <= tolerance:
-            state, reason = State.SYNC, f"points in both views agree to {sigma:.3f} frames"
-        elif away - 2 * sigma > tolerance:
-            later = "later" if fit.tau > 0 else "earlier"
-            state, reason = State.ASYNC, f"{pair.second} is {abs(fit.tau):.2f} frames {later} by points in both views"
+        away = abs(found.tau - pair.expected_offset_ns / period_ns)
+        state, reason = State.UNKNOWN, found.why or "error too large beside the tolerance"
+        if found.known and away + 2 * found.sigma <= tolerance:
+            state, reason = State.SYNC, f"{found.spoke} agree to {found.sigma:.3f} frames"
+        elif found.known and away - 2 * found.sigma > tolerance:
+            later = "later" if found.tau > 0 else "earlier"
+            state, reason = State.ASYNC, f"{pair.second} is {abs(found.tau):.2f} frames {later} by {found.spoke}"
         return Evidence(
             pair=pair.name,
             detector=self._name,
             basis=Basis.CONTENT,
             state=state,
             reason=reason,
-            offset_ns=round(fit.tau * period_ns),
-            sigma_ns=round(sigma * period_ns),
-            offset_frames=fit.tau,
-            sigma_frames=sigma,
-            motion_px=fit.motion_px,
-            numbers={
-                "sigma_random_frames": fit.sigma,
-                "sigma_systematic_frames": floor,
-                "matches": fit.matches / estimate.blocks,
-                "moving_points": fit.moving,
-                "regions": fit.regions,
-                "noise_share": fit.noise_share,
-                "residual_px": fit.scale_px,
-                "lag": estimate.lag,
-            },
+            offset_ns=round(found.tau * period_ns),
+            sigma_ns=round(found.sigma * period_ns),
+            offset_frames=found.tau,
+            sigma_frames=found.sigma,
+            motion_px=found.motion_px,
+            numbers=found.numbers,
         )
 
     def _tolerance_ns(self, period_ns: int) -> float:

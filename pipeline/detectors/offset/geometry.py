@@ -16,6 +16,8 @@ of 12 cm is 0.2 ms.
 """
 
 TERMS = len(PRIOR)
+DISPARITY, AHEAD = 3, 6
+"""The terms d and v d."""
 
 MEMORY_WINDOWS = 900
 """Half a minute at 30 Hz: long against changes of speed, short against warming up and slow bending of a rig."""

@@ -50,9 +50,7 @@ class Matcher:
     """Lucas-Kanade across the cameras, started from remembered disparities; by ORB where there are none."""
 
     def __init__(self) -> None:
-        self._ids: Ints = np.empty(0, np.int64)
-        self._at: Points = np.empty((0, 2), np.float32)
-        self._displacement: Points = np.empty((0, 2), np.float32)
+        self._remember(np.empty(0, np.int64), np.empty((0, 2), np.float32), np.empty((0, 2), np.float32))
         self._wait = 0
         self.overlap = True
 
@@ -66,20 +64,18 @@ class Matcher:
             found = search(first.image, other)
             self.overlap = len(found[0]) >= FEW
             if self.overlap:
-                self._ids = np.full(len(found[0]), -1, np.int64)
-                self._at, self._displacement = found
+                self._remember(np.full(len(found[0]), -1, np.int64), *found)
                 again = self._track(ids, at, first.image, other)
                 matches = max(matches, again, key=lambda m: len(m.rows))
         if len(matches.rows) >= FEW:
-            self._ids, self._at = ids[matches.rows], at[matches.rows]
-            self._displacement = matches.displacement
+            self._remember(ids[matches.rows], at[matches.rows], matches.displacement)
             self.overlap = True
         return matches
 
     def start_from(self, other: Matcher) -> None:
         """Takes over another's disparities, if it has none of its own: near enough to spare a search."""
         if len(self._ids) < NEIGHBOURS:
-            self._ids, self._at, self._displacement = other._ids, other._at, other._displacement
+            self._remember(other._ids, other._at, other._displacement)
 
     def _track(self, ids: Ints, at: Points, first: Picture, second: Picture) -> Matches:
         if len(ids) == 0 or len(self._ids) < NEIGHBOURS:
@@ -90,12 +86,22 @@ class Matcher:
 
     def _guess(self, ids: Ints, at: Points) -> Points:
         """N x 2: each point's own last displacement, or the median of its nearest neighbours'."""
-        squared = ((at[:, None] - self._at[None]) ** 2).sum(axis=2)
-        nearest = np.argpartition(squared, NEIGHBOURS - 1, axis=1)[:, :NEIGHBOURS]
-        guess = np.median(self._displacement[nearest], axis=1)
-        _, mine, remembered = np.intersect1d(ids, self._ids, return_indices=True)
-        guess[mine] = self._displacement[remembered]
-        return np.asarray(guess, np.float32)
+        guess = np.empty_like(at)
+        place = np.minimum(np.searchsorted(self._sorted, ids), len(self._ids) - 1)
+        remembered = self._order[place]
+        mine = self._ids[remembered] == ids
+        guess[mine] = self._displacement[remembered[mine]]
+        new = np.flatnonzero(~mine)
+        if len(new):
+            squared = ((at[new, None] - self._at[None]) ** 2).sum(axis=2)
+            nearest = np.argpartition(squared, NEIGHBOURS - 1, axis=1)[:, :NEIGHBOURS]
+            guess[new] = np.median(self._displacement[nearest], axis=1)
+        return guess
+
+    def _remember(self, ids: Ints, at: Points, displacement: Points) -> None:
+        self._ids, self._at, self._displacement = ids, at, displacement
+        self._order = np.argsort(ids, kind="stable")
+        self._sorted = ids[self._order]
 
 
 def equalised(picture: Working, like: Working) -> Picture:

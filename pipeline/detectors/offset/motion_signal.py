@@ -1,4 +1,4 @@
-"""Finds the lag between two cameras from how each one's whole picture moves, without matching any point."""
+"""Measures the offset between two cameras from how each one's whole picture moves, without matching any point."""
 
 from __future__ import annotations
 
@@ -8,69 +8,129 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.detectors.offset.arrays import Floats
+from pipeline.detectors.offset.arrays import Floats, median
+from pipeline.detectors.offset.tracks import Flow
 from pipeline.detectors.offset.working import Working
 
-WINDOWS = 90
-"""Three seconds at 30 Hz: a few strokes of a hand, a few steps of a walk."""
+WINDOWS = 150
+"""Five seconds at 30 Hz: several strokes of a hand, several steps of a walk."""
 
-ENOUGH = 20
-"""Fewer windows always correlate by chance somewhere."""
+ENOUGH = 40
+"""Fewer windows always correlate by chance somewhere: motions last about five, so these are eight."""
+
+SEGMENTS = 8
+"""Parts of the history that are left out in turn, to see how far the answer depends on any of them."""
+
+CORRELATED, CLEARLY, SHARP = 0.5, 2.0, 0.2
+"""Least correlation; standard errors (Fisher's z) above each lag two or more away; largest standard error, frames."""
+
+A_MOTION = 4.0
+"""Windows a motion lasts: so many times fewer are independent."""
+
+VIEW_FRAMES, FLOOR_FRAMES = 0.5, 0.02
+"""Error where views differ: what one camera sees more of may come earlier. A share of what does not correlate."""
 
 LIVELY_PX = 0.15
 """A flow of the coarse picture below a sixth of its pixel is codec noise."""
 
+JUMP = 4.0
+"""Times the usual motion, beyond which it is taken for a jump."""
+
+GRAIN_LEVELS = 1.0
+"""A cell of the coarse picture changes by that much from noise alone."""
+
 
 @dataclass(frozen=True, slots=True)
-class Lag:
-    """Whole frames by which the second camera is later; correlation there and at the best lag two or more away."""
+class SignalFit:
+    """tau and its standard error in frames; correlation of both cameras' signals at tau."""
 
-    frames: int
+    tau: float
+    sigma: float
     correlation: float
-    runner_up: float
-    windows: int
-
-    @property
-    def sure(self) -> bool:
-        """Fisher's z of the peak stands three standard errors above the best rival."""
-        rise = np.arctanh(min(self.correlation, 0.999)) - np.arctanh(np.clip(self.runner_up, -0.999, 0.999))
-        effective = max(self.windows / 4, 4.0)  # neighbours are not independent: motions last several frames
-        return bool(self.correlation > 0.7 and rise * np.sqrt(effective) > 3)
 
 
 class MotionSignal:
-    """The mean flow of one camera, x and y, by slot."""
+    """One camera's motion by slot: mean flow x and y, and the root of the mean change of brightness."""
 
     def __init__(self, remember: int) -> None:
         self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
         self.values: deque[tuple[int, Floats]] = deque(maxlen=WINDOWS + remember)
 
-    def add(self, index: int, before: Working, now: Working) -> None:
-        """Flow of the coarse picture, averaged where it exceeds codec noise (Kroeger et al. 2016)."""
+    def add(self, index: int, before: Working, now: Working) -> Flow | None:
+        """The flow of the coarse picture (Kroeger et al. 2016) in working pixels; None for too small a picture."""
         if before.coarse.shape != now.coarse.shape or min(now.coarse.shape) < 16:
-            return
+            return None
         flow = np.asarray(self._flow.calc(before.coarse, now.coarse, None))  # type: ignore[call-overload]
-        small = cv2.resize(flow, (20, 15), interpolation=cv2.INTER_AREA).reshape(-1, 2)
-        small[np.hypot(small[:, 0], small[:, 1]) < LIVELY_PX] = 0
-        self.values.append((index, small.mean(axis=0).astype(np.float64)))
+        cells = cv2.resize(flow, (20, 15), interpolation=cv2.INTER_AREA).reshape(-1, 2)
+        cells[np.hypot(cells[:, 0], cells[:, 1]) < LIVELY_PX] = 0
+        change = cv2.resize(cv2.absdiff(before.coarse, now.coarse), (20, 15), interpolation=cv2.INTER_AREA)
+        levels = np.asarray(change, np.float64)
+        beyond = np.maximum(levels - median(levels) - GRAIN_LEVELS, 0)
+        self.values.append((index, np.array([*cells.mean(axis=0), np.sqrt(beyond.mean())], np.float64)))
+        step = now.image.shape[1] / now.coarse.shape[1]
+        return Flow(flow * np.float32(step), step)
 
 
-def best_lag(first: MotionSignal, second: MotionSignal, most: int) -> Lag | None:
-    """The lag at which the flows of both cameras agree best; None where there is too little motion or history."""
+def signal_offset(first: MotionSignal, second: MotionSignal, most: int) -> SignalFit | None:
+    """The offset at which the cameras' signals correlate best, if it is clear; of flow and change the surer one."""
     a, b = dict(first.values), dict(second.values)
-    scores: dict[int, tuple[float, int]] = {}
-    for lag in range(-most, most + 1):
-        slots = [slot for slot in a if slot - lag in b]
-        if len(slots) < ENOUGH:
-            continue
-        x, y = np.array([a[slot] for slot in slots]), np.array([b[slot - lag] for slot in slots])
-        x, y = x - x.mean(axis=0), y - y.mean(axis=0)
-        power = float(np.sqrt((x**2).sum() * (y**2).sum()))
-        if power / len(slots) < 1e-4:
-            continue
-        scores[lag] = float((x * y).sum()) / power, len(slots)
-    if not scores:
+    slots = [slot for slot in a if all(slot - lag in b for lag in range(-most, most + 1))][-WINDOWS:]
+    if len(slots) < ENOUGH:
         return None
-    lag = max(scores, key=lambda k: scores[k][0])
-    rivals = [score for other, (score, _) in scores.items() if abs(other - lag) >= 2]
-    return Lag(lag, scores[lag][0], max(rivals, default=0.0), scores[lag][1])
+    x = np.array([a[slot] for slot in slots])
+    y = np.array([[b[slot - lag] for lag in range(-most, most + 1)] for slot in slots])
+    x, y = _without_jumps(x), _without_jumps(y)
+    fits = [fit for part in (slice(0, 2), slice(2, 3)) if (fit := _correlate(x[:, part], y[:, :, part], most))]
+    return min(fits, key=lambda fit: fit.sigma, default=None)
+
+
+def _without_jumps(values: Floats) -> Floats:
+    """A cut or a gap is one huge value, which would correlate with the other camera's and drown all motion."""
+    size = np.abs(values).reshape(-1, values.shape[-1])
+    limit = np.array([JUMP * np.median(column[column > 0]) if (column > 0).any() else 0.0 for column in size.T])
+    return np.asarray(np.clip(values, -limit, limit))
+
+
+def _correlate(x: Floats, y: Floats, most: int) -> SignalFit | None:
+    """X: n x k signals of one camera, y: n x lags x k of the other. Jackknife over segments (Efron 1982)."""
+    edges = np.linspace(0, len(x), SEGMENTS + 1).astype(int)[:-1]
+
+    def parts(values: Floats) -> Floats:
+        return np.asarray(np.add.reduceat(values, edges, axis=0))
+
+    xs = np.broadcast_to(x[:, None], y.shape)
+    sums = [parts(v) for v in (np.ones(y.shape[:2]), xs, y, xs * xs, y * y, xs * y)]
+    wholes = [s.sum(axis=0)[None] for s in sums]
+    everything = _correlation(*wholes)[0]
+    if not np.isfinite(everything).all():
+        return None
+    without = _correlation(*(whole - part for whole, part in zip(wholes, sums, strict=True)))
+    best = _peak(everything)
+    each = np.array([_peak(row) for row in without])
+    error = float(np.sqrt((SEGMENTS - 1) / SEGMENTS * ((each - each.mean()) ** 2).sum()))
+    place = round(best)
+    rivals = np.delete(everything, np.arange(max(0, place - 1), min(len(everything), place + 2)))
+    top, rival = (float(np.arctanh(np.clip(v, -0.999, 0.999))) for v in (everything[place], rivals.max(initial=-1.0)))
+    clear = (top - rival) * np.sqrt(len(x) / A_MOTION)
+    correlation = float(everything[place])
+    if correlation < CORRELATED or clear < CLEARLY or error > SHARP or not 0 < place < 2 * most:
+        return None
+    return SignalFit(best - most, float(np.hypot(error, FLOOR_FRAMES + VIEW_FRAMES * (1 - correlation))), correlation)
+
+
+def _correlation(n: Floats, x: Floats, y: Floats, xx: Floats, yy: Floats, xy: Floats) -> Floats:
+    """Rows x lags: correlation over all signals together, each freed of its mean."""
+    n = n[..., None]
+    power = (xx - x * x / n).sum(axis=-1) * (yy - y * y / n).sum(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray((xy - x * y / n).sum(axis=-1) / np.sqrt(power))
+
+
+def _peak(values: Floats) -> float:
+    """Place of the largest value, by a parabola through it and its neighbours."""
+    k = int(np.argmax(values))
+    if not 0 < k < len(values) - 1:
+        return float(k)
+    before, top, after = values[k - 1 : k + 2].tolist()
+    bend = before - 2 * top + after
+    return k + (before - after) / (2 * bend) if bend < 0 else float(k)

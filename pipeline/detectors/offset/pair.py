@@ -8,10 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.detectors.offset.blocks import MOTION_SHARE, Block, block_of
+from pipeline.detectors.offset.drift import Drift
 from pipeline.detectors.offset.geometry import Memory
-from pipeline.detectors.offset.matching import FEW, Matcher
-from pipeline.detectors.offset.motion_signal import MotionSignal, best_lag
-from pipeline.detectors.offset.regression import Block, Fit, learn, profile, solve
+from pipeline.detectors.offset.matching import FEW, Matcher, Matches
+from pipeline.detectors.offset.motion_signal import MotionSignal, SignalFit, signal_offset
+from pipeline.detectors.offset.regression import Fit, halves, learn, solve
+from pipeline.detectors.offset.slips import RECENT, SLIP_FRAMES, Slips, refill
 from pipeline.detectors.offset.sweep import Sweep
 from pipeline.detectors.offset.tracks import Tracks
 from pipeline.detectors.offset.working import Working
@@ -19,19 +22,10 @@ from pipeline.detectors.offset.working import Working
 BLOCKS = 16
 """Windows an offset is averaged over: long enough for motion to vary, short enough to see a slip soon."""
 
-RECENT = 3
-"""Windows that must agree before a slip is believed: one may be a bad picture, two a coincidence."""
 
-SLIP_FRAMES = 0.6
-"""Rigs slip by whole frames; a smaller change is followed by the window itself, and between two frames the profile of
-a few windows wanders by up to a half where motion is curved."""
-
-GAIN = 20.0
-"""Log likelihood by which a slip must fit better: twenty points' worth, which a handful of false tracks cannot give."""
-
-AS_GOOD = 1.5
-"""Cost a point after a slip, against before it: three windows have half the points of six, and scatter more. The slip
-must also save two fifths of the whole cost, or curved motion passes for one."""
+SOLVE_EVERY = 4
+"""Windows between two solutions once there are BLOCKS windows: a quarter of them is then new. Slips are looked for in
+every window."""
 
 HALF = 0.6
 """Beyond it another pairing is nearer; a little over a half, so that an offset of a half does not flap."""
@@ -42,6 +36,11 @@ WARM = 8
 
 STRAY = 2.5
 """Residuals this many times the usual ones come from wrong pairings, not from a change of scene."""
+
+
+FLOOR_FRAMES = 0.001
+FLOOR_PX = 0.002
+"""Systematic error of a moment (unequal shutters, rows read in turn) and of a place (lens, pixel grid)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,30 +55,47 @@ class View:
 @dataclass(frozen=True, slots=True)
 class Estimate:
     fit: Fit
+    sigma: float
     lag: int
     blocks: int
+    margin: float
+    calibrated: bool
+    halves: Mapping[str, float]
 
 
 class PairEstimator:
     """One pair. `update` takes the state of both cameras at a slot and returns an estimate, or why there is none."""
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, most: int, *, with_halves: bool = False) -> None:
         self._most = most
+        self._with_halves = with_halves
         self._matcher = Matcher()
         self.memory = Memory()
         self._blocks: deque[Block] = deque()
         self._lag = 0
+        self._told = False
+        self.signal: SignalFit | None = None
         self._seen = 0
         self._fit: Fit | None = None
         self._sweep: Sweep | None = Sweep(most)
         self._usual_px: float | None = None
+        self._drift = Drift(BLOCKS)
+        self._slips = Slips(BLOCKS)
+        self._newest: tuple[tuple[int, int], Matches, int] | None = None
 
     def update(self, index: int, first: View, second: View) -> Estimate | str:
+        estimate = self._update(index, first, second)
+        self._told = not isinstance(estimate, str) and estimate.sigma < SLIP_FRAMES / 3
+        return estimate
+
+    def _update(self, index: int, first: View, second: View) -> Estimate | str:
         self._acquire(index, first, second)
         sweeping = self._sweeping(index, first, second)
+        self._complete(first)
         block = self._block(index, first, second, self._lag, self._matcher)
         if isinstance(block, str):
             self._blocks.clear()
+            self._slips.clear()
             return block
         self._blocks.append(block)
         self._seen += 1
@@ -87,16 +103,40 @@ class PairEstimator:
             old = self._blocks.popleft()
             if self._fit is not None:
                 learn(self.memory, old, self._fit)
-        self._notice_slip()
-        terms = None if self._fit is None else self._fit.terms
-        fit = self._fit = solve(self._blocks, self.memory, self._start(), terms)
+        if self._fit is not None:
+            self._slips.add(block, self._fit)
+            slip = self._slips.found(self._lag, self._fit)
+            if slip is not None:
+                self._restart(*slip)
+        fit = self._solved(index)
         self._relock(fit)
         if sweeping:
             return "searching for the lag"
         self._check(fit)
-        if self._seen < WARM or len(self._blocks) < RECENT:
+        if self._seen < WARM or len(self._blocks) < 2:
             return "warming up"
-        return Estimate(fit, self._lag, len(self._blocks))
+        floor = _floor(fit, self._lag)
+        sigma = float(np.hypot(fit.sigma, floor))
+        if len(self._blocks) > BLOCKS // 2 and sigma < 0.2:
+            self._drift.add(index, fit.tau, sigma)
+        sigma *= self._drift.factor
+        return Estimate(
+            fit,
+            sigma,
+            self._lag,
+            len(self._blocks),
+            self._slips.margin(self._lag, fit),
+            self._drift.calibrated,
+            halves(self._blocks, self.memory, fit) if self._with_halves else {},
+        )
+
+    def _solved(self, index: int) -> Fit:
+        """The fit of all complete blocks, made anew every few windows and while it is young."""
+        if self._fit is None or self._seen <= BLOCKS or len(self._blocks) < BLOCKS or index % SOLVE_EVERY == 0:
+            terms = None if self._fit is None else self._fit.terms
+            complete = list(self._blocks)[:-1] if len(self._blocks) > RECENT else self._blocks
+            self._fit = solve(complete, self.memory, self._start(), terms)
+        return self._fit
 
     def _start(self) -> float:
         return float(self._lag) if self._fit is None else float(np.clip(self._fit.tau, self._lag - 1, self._lag + 1))
@@ -116,6 +156,8 @@ class PairEstimator:
 
     def _check(self, fit: Fit) -> None:
         """A residual far above the usual one means that pictures of different moments are paired: search again."""
+        if len(self._blocks) < BLOCKS // 2:
+            return
         if self._usual_px is not None and fit.scale_px > STRAY * self._usual_px:
             self._sweep, self._usual_px = Sweep(self._most), None
         else:
@@ -125,6 +167,7 @@ class PairEstimator:
         """Starts afresh at another lag: what was learned at the wrong one is void."""
         self._lag = lag
         self._blocks.clear()
+        self._slips.clear()
         self._fit = None
         self._seen = 0
         self._matcher = Matcher()
@@ -142,55 +185,41 @@ class PairEstimator:
         matches = matcher.match(tracks.ids, tracks.at, image, second.pictures[there])
         if len(matches.rows) < FEW:
             return f"too few matches: {len(matches.rows)}" if matcher.overlap else "views do not overlap"
-        rows = matches.rows
         height, width = image.image.shape
-        at, motion, change = (a[rows].astype(np.float64) for a in (tracks.at, tracks.motion, tracks.acceleration))
-        u, v = ((at - [width / 2, height / 2]) / width).T
-        dx, dy = matches.displacement.astype(np.float64).T
-        mx, my = motion.T
-        return Block(index, lag, float(width), tracks.ids[rows], tracks.age[rows], u, v, dx, dy, mx, my, change[:, 1])
+        if matcher is self._matcher:
+            self._newest = (width, height), matches, here
+        return block_of(index, lag, (width, height), matches, first.tracks, here, known=False)
 
-    def _notice_slip(self) -> None:
-        """Compares the latest windows with those before; on a slip only the latest are kept."""
-        fit = self._fit
-        between = fit is not None and abs(fit.tau - round(fit.tau)) > 0.2
-        count = 2 * RECENT if between else RECENT  # between two frames, curved motion looks like a slip for longer
-        if fit is None or len(self._blocks) < 2 * count:
-            return
-        recent = list(self._blocks)[-count:]
-        taus = np.asarray(self._lag + np.arange(-1.5, 1.51, 0.25), np.float64)
-        costs = profile(recent, fit.terms, taus, fit.scale_px)
-        best = float(taus[costs.argmin()])
-        nearest = costs[np.abs(taus - fit.tau).argmin()]
-        if abs(best - fit.tau) < SLIP_FRAMES or nearest - costs.min() < max(GAIN, 0.4 * nearest):
-            return
-        earlier = list(self._blocks)[:-count]
-        usual = profile(earlier, fit.terms, np.array([fit.tau]), fit.scale_px)[0] / sum(len(b.u) for b in earlier)
-        # After a true slip the points fit as well as before it; where motion is curved they fit nowhere.
-        as_good = costs.min() / sum(len(b.u) for b in recent) < AS_GOOD * usual
-        if as_good and self._agreed(recent, fit, best):
-            self._restart(recent, best)
+    def _complete(self, first: View) -> None:
+        """Measures the motion of the latest block again, now that one more picture is known."""
+        if self._blocks and self._newest is not None:
+            last = self._blocks[-1]
+            size, matches, here = self._newest
+            if here in first.tracks and here + 1 in first.tracks:
+                self._blocks[-1] = block_of(last.index, last.lag, size, matches, first.tracks, here, known=True)
 
-    @staticmethod
-    def _agreed(recent: list[Block], fit: Fit, best: float) -> bool:
-        """Each of the latest windows by itself prefers the new offset to the old one."""
-        both = np.array([fit.tau, best])
-        costs = [profile([block], fit.terms, both, fit.scale_px) for block in recent]
-        return all(new < old - 2 for old, new in costs)
-
-    def _restart(self, blocks: list[Block], tau: float) -> None:
+    def _restart(self, recent: int, tau: float) -> None:
+        """Keeps the windows after a slip only."""
         assert self._fit is not None
-        self._blocks = deque(blocks)
-        self._fit = solve(blocks, self.memory, tau, self._fit.terms)
+        self._blocks = deque(list(self._blocks)[-recent:])
+        self._fit = solve(self._blocks, self.memory, tau, self._fit.terms)
+        refill(self._slips, self._blocks, self._fit)
 
     def _relock(self, fit: Fit) -> None:
         if abs(fit.tau - self._lag) > HALF and 3 * fit.sigma < 0.5 and fit.noise_share < 0.3:
             self._lag = int(np.clip(round(fit.tau), -self._most, self._most))
+            self._slips.clear()
 
     def _acquire(self, index: int, first: View, second: View) -> None:
-        """Jumps to the lag that the cameras' motion as a whole shows, when it is clear and far from here."""
-        if index % 3:
-            return
-        lag = best_lag(first.signal, second.signal, self._most)
-        if lag is not None and lag.sure and abs(lag.frames - self._lag) >= 2:
-            self._jump(lag.frames)
+        """Listens to the motion of the whole pictures; while points tell nothing, goes to the lag that it shows."""
+        if index % 5 == 0:
+            self.signal = signal_offset(first.signal, second.signal, self._most)
+            if self.signal is not None and abs(self.signal.tau - self._lag) >= 1.5 and not self._told:
+                self._jump(round(self.signal.tau))
+
+
+def _floor(fit: Fit, lag: int) -> float:
+    """Systematic error in frames: tracks are off by a share of all their motion, of which only some tells time."""
+    telling = max(fit.motion_px, 1e-3)
+    shared = (FLOOR_FRAMES + MOTION_SHARE * abs(fit.tau - lag)) * max(fit.across_px / telling, 1.0)
+    return shared + FLOOR_PX / telling + fit.between

@@ -7,113 +7,110 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.detectors.offset.arrays import Floats, Ints
-from pipeline.detectors.offset.geometry import TERMS, Memory, design
+from pipeline.detectors.offset.arrays import Floats, Ints, median
+from pipeline.detectors.offset.blocks import CURVED, MOTION_SHARE, Block, Stack
+from pipeline.detectors.offset.geometry import AHEAD, DISPARITY, TERMS, Memory
 
 CAUCHY = 2.385
 """Tuning of Cauchy's weights: 95 % efficient for normal errors (Holland and Welsch 1977)."""
 
-ROUNDS = 4
+ROUNDS = 2
 SMALLEST_PX = 0.03
 """No residual scale below the precision of Lucas-Kanade on 8-bit pictures."""
 
-MOTION_SHARE = 0.05
-"""A point's error grows with its own motion, by blur, deformation and interpolation between frames."""
+MOST_SHARE = 0.05
+"""Faces and cloth deform as they move, but by more than a twentieth of the way in a frame they are not followed."""
 
-CELLS = 4
-"""The picture is cut into 4 x 4 cells: points of one cell may share their errors."""
+ANYWHERE = 0.29
+"""Standard deviation of a moment that may be anywhere between two frames: 1 / sqrt(12)."""
 
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """The matches of one pairing of pictures: n points, in working pixels unless said otherwise.
-
-    lag: whole frames between the paired pictures. u, v: positions in widths. dx, dy: displacements to the other
-    picture. mx, my, ay: motion and acceleration across a frame. age: frames a point has been followed.
-    """
-
-    index: int
-    lag: int
-    width: float
-    ids: Ints
-    age: Ints
-    u: Floats
-    v: Floats
-    dx: Floats
-    dy: Floats
-    mx: Floats
-    my: Floats
-    ay: Floats
+DILUTED = 0.5
+"""Noise in a regressor draws the slope to zero by its share of the regressor's variance (Fuller 1987); up to a half,
+the slope is corrected, and the correction counted as an error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
     """tau and its standard error in frames; motion_px: how far points move a frame beyond noise and geometry.
 
-    noise_share: part of the apparent motion that is tracking noise. moving: points that move beyond noise; regions:
-    cells they are in. scale_px: robust residual. terms: the geometry (8).
+    across_px, along_px: how far they move a frame at all. noise_share: part of the apparent motion that is tracking
+    noise. moving: points that move beyond noise; regions: cells they are in. scale_px: robust residual of a point,
+    steady_px: with what a track keeps removed. between: by how much the offset changes with the order of the
+    interpolation between frames. terms: the geometry (8). track_ids, track_bias: by how much each track deviates from
+    the geometry lastingly, px.
     """
 
     tau: float
     sigma: float
     motion_px: float
     noise_share: float
+    across_px: float
+    along_px: float
     moving: int
     regions: int
     matches: int
     scale_px: float
+    steady_px: float
+    between: float
     terms: Floats
+    track_ids: Ints
+    track_bias: Floats
 
 
-class Stack:
-    """The points of several blocks, one after the other."""
+@dataclass(frozen=True, slots=True)
+class Lasting:
+    """Weights that tell what a track keeps over time from what changes (random effects; Balestra and Nerlove 1966)."""
 
-    def __init__(self, blocks: Sequence[Block]) -> None:
-        def join(name: str) -> Floats:
-            return np.asarray(np.concatenate([getattr(b, name) for b in blocks]), np.float64)
+    of: Ints
+    weight: Floats
+    total: Floats
+    theta: Floats
 
-        sizes = [len(b.u) for b in blocks]
-        self.width = blocks[0].width
-        self.u, self.v, self.dx, self.dy = join("u"), join("v"), join("dx"), join("dy")
-        self.mx, self.my, self.ay, self.age = join("mx"), join("my"), join("ay"), join("age")
-        self.lag = np.repeat([float(b.lag) for b in blocks], sizes)
-        self.frame = np.repeat(np.arange(len(blocks)), sizes)
-        self.track = np.unique(np.concatenate([b.ids for b in blocks]), return_inverse=True)[1]
-        column = np.clip(((self.u + 0.5) * CELLS).astype(int), 0, CELLS - 1)
-        row = np.clip(((self.v / max(2 * np.abs(self.v).max(), 1e-9) + 0.5) * CELLS).astype(int), 0, CELLS - 1)
-        self.cell = row * CELLS + column
+    def mean(self, values: Floats) -> Floats:
+        """Weighted mean of each track, tracks x columns."""
+        weighted = values * (self.weight if values.ndim == 1 else self.weight[:, None])
+        if values.ndim == 1:
+            return np.asarray(np.bincount(self.of, weighted, len(self.total)) / self.total)
+        sums = [np.bincount(self.of, column, len(self.total)) / self.total for column in weighted.T]
+        return np.stack(sums, axis=1)
 
-    def geometry(self, tau: float) -> Floats:
-        """N x 8: pixels by which each term displaces each point, at equal times."""
-        d = (self.dx - (tau - self.lag) * self.mx) / self.width
-        return np.asarray(design(self.u, self.v, d) * self.width, np.float64)
-
-    def residual(self, tau: float, geometry: Floats, terms: Floats) -> Floats:
-        step = tau - self.lag
-        return self.dy - geometry @ terms - step * self.my - step * step / 2 * self.ay
+    def steady(self, values: Floats) -> Floats:
+        """Values with most of each track's mean removed: as much as tracks differ from one another lastingly."""
+        share = self.theta if values.ndim == 1 else self.theta[:, None]
+        return np.asarray(values - (share * self.mean(values))[self.of])
 
 
 def solve(blocks: Sequence[Block], memory: Memory, tau: float, terms: Floats | None = None) -> Fit:
     """Gauss-Newton on geometry and offset with Cauchy weights; errors robust to clusters of points.
 
-    The model is that of "dy = g(p, dx) + tau m + tau^2 / 2 a". The standard error is the largest that residuals
-    grouped by cell, by track and by frame give (Liang and Zeger 1986), and not below the model's own.
+    The model is "dy = g(p, dx) + bias of the track + y(t + tau) - y(t)". The standard error is the largest that
+    residuals grouped by cell, by track and by frame give (Liang and Zeger 1986), and not below the model's own.
+    Sudden motion is first doubted alike at all offsets; only if a whole number of frames explains it, it is trusted.
     """
     s = Stack(blocks)
     terms = memory.terms if terms is None else terms
-    speed = MOTION_SHARE * np.hypot(s.mx, s.my)
+    fit = _descend(s, memory, tau, terms, anywhere=True)
+    if abs(fit.tau - round(fit.tau)) < 2 * fit.sigma:
+        return _descend(s, memory, fit.tau, fit.terms, anywhere=False)
+    return fit
+
+
+def _descend(s: Stack, memory: Memory, tau: float, terms: Floats, *, anywhere: bool) -> Fit:
     geometry = s.geometry(tau)
     residual = s.residual(tau, geometry, terms)
+    weight: Floats = np.ones(len(residual))
     for _ in range(ROUNDS):
-        scale = max(1.4826 * float(np.median(np.abs(residual))), SMALLEST_PX)
-        spread = np.hypot(scale, speed)
-        weight = 1 / (spread**2 * (1 + (residual / (CAUCHY * spread)) ** 2))
-        step = tau - s.lag
-        columns = np.column_stack([geometry, s.my + step * s.ay])
+        error = s.error(tau, anywhere)
+        scale, steady, lasting = _spreads(s, error, residual, weight)
+        spread = np.hypot(steady, error)
+        inner = lasting.steady(residual)
+        s.share = _share(s.pace, inner)
+        weight = 1 / (spread**2 * (1 + (inner / (CAUCHY * spread)) ** 2))
+        columns = lasting.steady(np.column_stack([geometry, s.speed(tau)]))
         weighted = columns * weight[:, None]
         normal = columns.T @ weighted
         normal[:TERMS, :TERMS] += memory.information
-        gradient = weighted.T @ residual
+        gradient = weighted.T @ inner
         gradient[:TERMS] += memory.vector - memory.information @ terms
         normal[TERMS, TERMS] += 1e-9
         change = np.linalg.solve(normal, gradient)
@@ -121,14 +118,50 @@ def solve(blocks: Sequence[Block], memory: Memory, tau: float, terms: Floats | N
         tau = float(tau + np.clip(change[TERMS], -0.5, 0.5))
         geometry = s.geometry(tau)
         residual = s.residual(tau, geometry, terms)
-    return _assess(s, normal, columns, weight, residual, scale, tau, terms)
+    return _assess(s, normal, columns, weight, residual, scale, steady, lasting, tau, terms)
+
+
+def _share(pace: Floats, residual: Floats) -> float:
+    """Share of its own motion by which a point is off: what fast points scatter more than slow ones."""
+    slow, fast = np.quantile(pace, [1 / 3, 2 / 3])
+    scatter = [1.4826 * median(np.abs(residual[chosen])) for chosen in (pace <= slow, pace >= fast)]
+    typical = max(median(pace[pace >= fast]), 1e-6)
+    return float(np.clip(np.sqrt(max(scatter[1] ** 2 - scatter[0] ** 2, 0.0)) / typical, MOTION_SHARE, MOST_SHARE))
+
+
+def _spreads(s: Stack, error: Floats, residual: Floats, weight: Floats) -> tuple[float, float, Lasting]:
+    """Scale of a residual, scale with what tracks keep removed, and the weights of the tracks that follow from both."""
+    scale = max(1.4826 * median(np.abs(residual)), SMALLEST_PX)
+    count = np.bincount(s.track)
+    middle = np.bincount(s.track, weight * residual) / np.maximum(np.bincount(s.track, weight), 1e-12)
+    often = count[s.track] >= 4
+    steady = scale
+    if often.sum() >= 40:
+        inner = (residual - middle[s.track])[often] * np.sqrt(count / np.maximum(count - 1, 1))[s.track][often]
+        steady = min(max(1.4826 * median(np.abs(inner)), SMALLEST_PX), scale)
+    lasting = scale**2 - steady**2
+    spread = np.hypot(steady, error)
+    precision = 1 / spread**2
+    total = np.asarray(np.bincount(s.track, precision), np.float64)
+    theta = 1 - np.sqrt(1 / (1 + lasting * total))
+    return scale, steady, Lasting(s.track, precision, total, theta)
 
 
 def _assess(
-    s: Stack, normal: Floats, columns: Floats, weight: Floats, residual: Floats, scale: float, tau: float, terms: Floats
+    s: Stack,
+    normal: Floats,
+    columns: Floats,
+    weight: Floats,
+    residual: Floats,
+    scale: float,
+    steady: float,
+    lasting: Lasting,
+    tau: float,
+    terms: Floats,
 ) -> Fit:
     influence_row = np.linalg.inv(normal)[TERMS]
-    influence = weight * residual * (columns @ influence_row)
+    inner = lasting.steady(residual)
+    influence = weight * inner * (columns @ influence_row)
     variances = [influence_row[TERMS]]
     for group in (s.cell, s.track, s.frame):
         sums = np.bincount(group, influence)
@@ -136,22 +169,40 @@ def _assess(
         variances.append(float((sums**2).sum()) * count / (count - 1))
     projection = np.linalg.solve(normal[:TERMS, :TERMS], normal[:TERMS, TERMS])
     own = columns[:, TERMS] - columns[:, :TERMS] @ projection
-    noise = min(motion_noise(s), scale / np.sqrt(2))
+    total = max(float(weight.sum()), 1e-12)
     signal = float((weight * own**2).sum())
-    share = min(float(weight.sum()) * noise**2 / max(signal, 1e-12), 1.0)
-    moves = np.abs(own) > 3 * noise
-    motion = np.sqrt(max(signal / max(float(weight.sum()), 1e-12) - noise**2, 0.0))
-    tracks = len(np.unique(s.track[moves]))
-    regions = len(np.unique(s.cell[moves]))
-    sigma = float(np.sqrt(max(variances)))
-    return Fit(tau, sigma, float(motion), share, tracks, regions, len(s.u), scale, terms)
-
-
-def motion_noise(s: Stack) -> float:
-    """Tracking noise of a central difference, px: half that of a second difference, smooth acceleration removed."""
-    basis = np.column_stack([np.ones_like(s.u), s.u, s.v, s.dx / s.width])
-    residual = s.ay - basis @ np.linalg.lstsq(basis, s.ay, rcond=None)[0]
-    return max(1.4826 * float(np.median(np.abs(residual))) / 2, 0.01)
+    noise = float((weight * s.speed_variance).sum())
+    moves = np.abs(own) > 3 * np.sqrt(s.speed_variance)
+    motion = np.sqrt(max(signal - noise, 0.0) / total)
+    share = min(noise / max(signal, 1e-12), 1.0)
+    diluted = tau
+    if share < DILUTED:
+        tau += share / (1 - share) * (tau - float(s.lag[-1]))
+    step = tau - s.lag
+    plain = step * (s.plain[:, 0] + step * s.plain[:, 1])
+    between = abs(float((weight * own * (s.moved(tau) - plain)).sum())) / max(signal, 1e-12)
+    curved = float((weight * s.path[:, 1] ** 2).sum()) / max(4 * float((weight * s.path[:, 0] ** 2).sum()), 1e-12)
+    apart = abs(tau - round(tau))
+    between = float(np.hypot(between, tau - diluted))
+    between = max(between, 4 * apart * (1 - apart) * ANYWHERE * min(curved, 1.0) ** 2)
+    bias = lasting.mean(residual) * (1 - (1 - lasting.theta) ** 2)
+    return Fit(
+        tau=tau,
+        sigma=float(np.sqrt(max(variances))),
+        motion_px=float(motion),
+        noise_share=share,
+        across_px=float(np.sqrt((weight * s.path[:, 0] ** 2).sum() / total)),
+        along_px=float(np.sqrt((weight * s.along**2).sum() / total)),
+        moving=len(np.unique(s.track[moves])),
+        regions=len(np.unique(s.cell[moves])),
+        matches=len(s.u),
+        scale_px=scale,
+        steady_px=steady,
+        between=between,
+        terms=terms,
+        track_ids=s.ids,
+        track_bias=bias,
+    )
 
 
 def learn(memory: Memory, block: Block, fit: Fit) -> None:
@@ -159,10 +210,10 @@ def learn(memory: Memory, block: Block, fit: Fit) -> None:
     s = Stack([block])
     geometry = s.geometry(fit.tau)
     residual = s.residual(fit.tau, geometry, fit.terms)
-    spread = np.hypot(fit.scale_px, MOTION_SHARE * np.hypot(s.mx, s.my))
+    spread = np.hypot(fit.scale_px, s.error(fit.tau))
     weight = 1 / (spread**2 * (1 + (residual / (CAUCHY * spread)) ** 2) * s.age)
-    motion = s.my + (fit.tau - s.lag) * s.ay
-    target = s.dy - (fit.tau - s.lag) * s.my - (fit.tau - s.lag) ** 2 / 2 * s.ay
+    motion = s.speed(fit.tau)
+    target = s.dy - s.moved(fit.tau)
     weighted = geometry * weight[:, None]
     across = weighted.T @ motion
     alone = float((weight * motion**2).sum()) + 1e-9
@@ -171,12 +222,39 @@ def learn(memory: Memory, block: Block, fit: Fit) -> None:
     memory.learn(information, vector)
 
 
-def profile(blocks: Sequence[Block], terms: Floats, taus: Floats, scale: float) -> Floats:
-    """Robust cost of each offset in `taus`, the geometry given: where is the least, whatever lies between?"""
+def profile(block: Block, fit: Fit, taus: Floats) -> Floats:
+    """Robust cost of a block at each offset in `taus`, geometry given: where is the least, whatever lies between?"""
+    s = Stack([block])
+    place = np.minimum(np.searchsorted(fit.track_ids, s.ids), len(fit.track_ids) - 1)
+    known = (fit.track_ids[place] == s.ids)[s.track]
+    bias = np.where(known, fit.track_bias[place][s.track], 0)
+    still = np.where(known, fit.steady_px, fit.scale_px)[:, None]
+    step = (taus - block.lag)[None]
+    columns = (s.path[:, k, None] * step ** (k + 1) for k in range(4))
+    nearer = step * s.along[:, None] * (fit.terms[DISPARITY] + fit.terms[AHEAD] * s.v)[:, None]
+    rest = (s.dy - s.geometry(float(block.lag)) @ fit.terms - bias)[:, None] + nearer - sum(columns)
+    between = np.abs(step) * np.abs(1 - np.abs(step)) * np.abs(s.path[:, 1, None])
+    spread = np.sqrt(still**2 + (s.share * s.pace)[:, None] ** 2 + (CURVED * between) ** 2)
+    return np.asarray((np.log1p((rest / (CAUCHY * spread)) ** 2) + np.log(spread / still)).sum(axis=0))
+
+
+def halves(blocks: Sequence[Block], memory: Memory, fit: Fit) -> dict[str, float]:
+    """The offset by halves of the points, with random errors: a true one is common to all, leaked geometry is not."""
     s = Stack(blocks)
-    spread = np.hypot(scale, MOTION_SHARE * np.hypot(s.mx, s.my))
-    costs = [
-        float(np.log1p((s.residual(tau, s.geometry(tau), terms) / (CAUCHY * spread)) ** 2).sum())
-        for tau in taus.tolist()
-    ]
-    return np.array(costs)
+    speed, pace = s.speed(fit.tau), np.abs(s.speed(fit.tau))
+    moving = pace > np.sqrt(s.speed_variance)
+    middle = median(pace[moving]) if moving.any() else 0.0
+    parts = {
+        "odd": s.track % 2 == 1, "even": s.track % 2 == 0, "up": moving & (speed < 0), "down": moving & (speed > 0),
+        "slow": pace <= middle, "fast": pace > middle, "near": s.dx < np.median(s.dx), "far": s.dx >= np.median(s.dx),
+    }  # fmt: skip
+    result: dict[str, float] = {}
+    edges = np.cumsum([0, *(len(b.u) for b in blocks)])
+    for name, part in parts.items():
+        some = [block.only(part[a:b]) for block, a, b in zip(blocks, edges[:-1], edges[1:], strict=True)]
+        some = [block for block in some if len(block.u)]
+        if sum(len(block.u) for block in some) < 4 * TERMS:
+            continue
+        other = solve(some, memory, fit.tau, fit.terms)
+        result[f"{name}_frames"], result[f"{name}_sigma_frames"] = other.tau, other.sigma
+    return result

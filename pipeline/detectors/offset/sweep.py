@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pipeline.detectors.offset.blocks import Block
 from pipeline.detectors.offset.geometry import Memory, design
 from pipeline.detectors.offset.matching import FEW, Matcher
-from pipeline.detectors.offset.regression import Block
 
 A_WINDOW = 3
 """Lags tried in a window: +-10 frames are then seen twice within half a second at 30 Hz."""

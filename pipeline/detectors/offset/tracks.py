@@ -7,23 +7,23 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.detectors.offset.arrays import Ints, Mask, Points
+from pipeline.detectors.offset.arrays import Floats32, Ints, Mask, Points
 from pipeline.detectors.offset.working import Working
 from pipeline.frame import Picture
 
-WINDOW_PX = 15
+WINDOW_PX = 13
 """Side of the patch that is followed: large enough to hold a corner of a VGA picture, small beside objects."""
 
-LEVELS = 3
-"""Pyramid levels above the first: motions up to about 2^3 * WINDOW_PX / 2 = 60 px are caught without a guess."""
+GUESSED_LEVELS = 3
+"""Pyramid levels above the first: guesses may be off by about 2^2 * WINDOW_PX / 2 = 30 px."""
 
-STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.01)
+STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 8, 0.01)
 """A hundredth of a pixel is the best that 8-bit pictures give; most points are there after five rounds."""
 
 RETURN_PX = 0.3
 """How far a point may land from where it started when followed forth and back: three times a good track's noise."""
 
-RENEW_FRAMES = 4
+RENEW_FRAMES = 5
 """New corners are sought at least this often, so that what enters or starts to move is seen within a step's delay."""
 
 
@@ -53,6 +53,20 @@ class Tracks:
         return np.asarray(self.after - 2 * self.at + self.before, np.float32)
 
 
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """Rough motion from one picture to the next: h x w x 2, working pixels, each cell `step_px` working pixels wide."""
+
+    field: Floats32
+    step_px: float
+
+    def at(self, points: Points) -> Points:
+        """N x 2: motion at n points, of the nearest cell."""
+        height, width = self.field.shape[:2]
+        column, row = (points / self.step_px).astype(int).T
+        return np.asarray(self.field[row.clip(0, height - 1), column.clip(0, width - 1)], np.float32)
+
+
 class Tracker:
     """Pyramidal Lucas-Kanade tracks, each step checked forth and back (Bouguet 2000; Kalal et al. 2010)."""
 
@@ -62,18 +76,18 @@ class Tracker:
         self._last: Tracks | None = None
         self._renewed = -RENEW_FRAMES
 
-    def step(self, index: int, before: Working, now: Working, after: Working) -> Tracks:
+    def step(self, index: int, before: Working, now: Working, after: Working, back: Flow, forth: Flow) -> Tracks:
         ids, age, was, at = self._carried(index, now)
         if len(ids) < 0.7 * self._target or index - self._renewed >= RENEW_FRAMES or index < self._renewed:
             self._renewed = index
             fresh = corners(now.image, before.image, at, self._target - len(ids))
-            origin, found = follow(now.image, before.image, fresh, fresh)
+            origin, found = follow(now.image, before.image, fresh, fresh - back.at(fresh))
             fresh, origin = fresh[found], origin[found]
             ids = np.concatenate([ids, self._next_id + np.arange(len(fresh))])
             self._next_id += len(fresh)
             age = np.concatenate([age, np.ones(len(fresh), np.int64)])
             was, at = np.concatenate([was, origin]), np.concatenate([at, fresh])
-        then, found = follow(now.image, after.image, at, 2 * at - was)
+        then, found = ahead(now.image, after.image, at, at + forth.at(at))
         self._last = Tracks(index, ids[found], age[found], was[found], at[found], then[found])
         return self._last
 
@@ -91,11 +105,22 @@ def follow(source: Picture, target: Picture, points: Points, guess: Points) -> t
     """Where n x 2 points of `source` are in `target`, and which of them came back to where they started."""
     if len(points) == 0:
         return points, np.empty(0, np.bool_)
-    there, found = _flow(source, target, points, guess, LEVELS)
+    there, found = _flow(source, target, points, guess, GUESSED_LEVELS)
     back, returned = _flow(target, source, there, points, 0)
-    height, width = target.shape[:2]
-    inside = (there >= 1).all(axis=1) & (there[:, 0] < width - 1) & (there[:, 1] < height - 1)
-    return there, found & returned & inside & (np.abs(back - points).max(axis=1) < RETURN_PX)
+    return there, found & returned & _inside(there, target) & (np.abs(back - points).max(axis=1) < RETURN_PX)
+
+
+def ahead(source: Picture, target: Picture, points: Points, guess: Points) -> tuple[Points, Mask]:
+    """As `follow`, but without the way back: what goes wrong shows in the other camera's view and in the residuals."""
+    if len(points) == 0:
+        return points, np.empty(0, np.bool_)
+    there, found = _flow(source, target, points, guess, GUESSED_LEVELS)
+    return there, found & _inside(there, target)
+
+
+def _inside(points: Points, picture: Picture) -> Mask:
+    height, width = picture.shape[:2]
+    return np.asarray((points >= 1).all(axis=1) & (points[:, 0] < width - 1) & (points[:, 1] < height - 1), np.bool_)
 
 
 def _flow(source: Picture, target: Picture, points: Points, guess: Points, levels: int) -> tuple[Points, Mask]:
@@ -140,7 +165,8 @@ def corners(image: Picture, earlier: Picture, taken: Points, count: int) -> Poin
     """
     if count <= 0 or min(image.shape[:2]) < 4 * WINDOW_PX:
         return np.empty((0, 2), np.float32)
-    score = cv2.cornerMinEigenVal(image, 5)
+    half = cv2.resize(image, (image.shape[1] // 2, image.shape[0] // 2), interpolation=cv2.INTER_AREA)
+    score = cv2.resize(cv2.cornerMinEigenVal(half, 3), (image.shape[1], image.shape[0]), interpolation=cv2.INTER_LINEAR)
     if earlier.shape == image.shape:
         small = (image.shape[1] // 4, image.shape[0] // 4)
         change = cv2.resize(image, small, interpolation=cv2.INTER_AREA).astype(np.float32)

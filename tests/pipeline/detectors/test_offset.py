@@ -6,10 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
+from pipeline.detectors.offset.blocks import Block
 from pipeline.detectors.offset.detector import OffsetDetector
+from pipeline.detectors.offset.drift import Drift
 from pipeline.detectors.offset.geometry import Memory, design
-from pipeline.detectors.offset.motion_signal import MotionSignal, best_lag
-from pipeline.detectors.offset.regression import Block, learn, solve
+from pipeline.detectors.offset.motion_signal import MotionSignal, signal_offset
+from pipeline.detectors.offset.regression import halves, learn, solve
 from pipeline.detectors.offset.settings import OffsetSettings
 from pipeline.detectors.offset.working import work_on
 from pipeline.frame import Camera, Frame, Pair, Rig, Triple, Window
@@ -32,14 +34,19 @@ def simulated(tau, frames=12, points=80, speed=1.5, noise=0.1, seed=0, terms=TER
         my = speed * (rng.standard_normal() + 0.3 * rng.standard_normal(points))
         dx = -rng.uniform(5, 60, points)
         dy = design(u, v, dx / WIDTH) @ terms * WIDTH + tau * my + noise * rng.standard_normal(points)
-        jitter = noise / 2 * rng.standard_normal((2, points))
-        blocks.append(
-            Block(
-                index, 0, WIDTH, np.arange(points), np.ones(points, np.int64), u, v, dx, dy, np.zeros(points),
-                my + jitter[0], jitter[1],
-            )
-        )  # fmt: skip
+        jitter = noise / 2 * rng.standard_normal(points)
+        blocks.append(block(index, u, v, dx, dy, my + jitter, variance=(noise / 2) ** 2))
     return blocks
+
+
+def block(index, u, v, dx, dy, my, variance=0.0):
+    """A block of points that move across the rows at constant speed."""
+    path = np.zeros((len(u), 4))
+    path[:, 0] = my
+    return Block(
+        index, 0, WIDTH, np.arange(len(u)), np.ones(len(u), np.int64), u, v, dx, dy, path, path[:, :2],
+        np.zeros(len(u)), np.full(len(u), variance), 0.0,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("tau", [-0.75, 0.0, 0.25, 1.0])
@@ -80,8 +87,7 @@ def test_constant_forward_speed_keeps_the_offset_near_the_truth_by_the_prior():
         dx = -rng.uniform(5, 60, 200)
         my = v * -dx * 2
         dy = my + 0.1 * rng.standard_normal(200)
-        ones = np.ones(200, np.int64)
-        blocks.append(Block(index, 0, WIDTH, np.arange(200), ones, u, v, dx, dy, np.zeros(200), my, np.zeros(200)))
+        blocks.append(block(index, u, v, dx, dy, my))
     fit = solve(blocks, Memory(), 0.0)
     assert abs(fit.tau - 1) < 3 * fit.sigma
     assert fit.tau > 0.8
@@ -90,7 +96,7 @@ def test_constant_forward_speed_keeps_the_offset_near_the_truth_by_the_prior():
 @pytest.mark.parametrize("lag", [-3, 0, 4])
 def test_the_lag_of_two_pans_is_found_from_the_motion_of_whole_pictures(lag):
     rng = np.random.default_rng(2)
-    path = np.cumsum(cv2.GaussianBlur(rng.standard_normal((80, 1)), (1, 9), 2).ravel() * 6)
+    path = np.cumsum(cv2.GaussianBlur(rng.standard_normal((120, 1)), (1, 9), 2).ravel() * 6)
     texture = cv2.GaussianBlur(rng.integers(0, 256, (120, 600), np.uint8), (0, 0), 3)
     texture = cv2.normalize(texture, None, 0, 255, cv2.NORM_MINMAX)
 
@@ -99,12 +105,50 @@ def test_the_lag_of_two_pans_is_found_from_the_motion_of_whole_pictures(lag):
         return work_on(cv2.warpAffine(texture, shift, (160, 120), borderMode=cv2.BORDER_REFLECT), 640)
 
     first, second = MotionSignal(10), MotionSignal(10)
-    for t in range(11, 69):
+    for t in range(11, 109):
         first.add(t, shown(t - 1), shown(t))
         second.add(t, shown(t + lag - 1), shown(t + lag))
-    found = best_lag(first, second, 10)
+    found = signal_offset(first, second, 10)
     assert found is not None
-    assert (found.frames, found.sure) == (lag, True)
+    assert abs(found.tau - lag) < max(2 * found.sigma, 0.1)
+    assert found.sigma < 0.2
+
+
+def test_two_motions_that_have_nothing_in_common_have_no_lag():
+    rng = np.random.default_rng(3)
+    first, second = MotionSignal(10), MotionSignal(10)
+    for signal in (first, second):
+        values = np.abs(cv2.GaussianBlur(rng.standard_normal((150, 3)), (1, 9), 2))
+        signal.values.extend(enumerate(values))
+    assert signal_offset(first, second, 10) is None
+
+
+def test_halves_of_the_points_agree_on_a_true_offset_and_name_leaked_geometry():
+    memory = Memory()
+    blocks = simulated(0.4, frames=16)
+    fit = solve(blocks, memory, 0.0)
+    found = halves(blocks, memory, fit)
+    for name in ("odd", "even", "up", "down", "slow", "fast", "near", "far"):
+        assert abs(found[f"{name}_frames"] - 0.4) < 3 * found[f"{name}_sigma_frames"] + 0.01
+
+
+def test_an_error_that_is_underrated_is_learned_from_how_the_estimate_wanders():
+    rng = np.random.default_rng(4)
+    honest, bragging = Drift(16), Drift(16)
+    for index in range(0, 640, 16):
+        error = 0.03 * rng.standard_normal()
+        honest.add(index, error, 0.03)
+        bragging.add(index, error, 0.01)
+    assert honest.calibrated
+    assert honest.factor < 1.5
+    assert 2 < bragging.factor < 4.5
+
+
+def test_a_steady_drift_of_the_clock_is_no_error():
+    drift = Drift(16)
+    for index in range(0, 640, 16):
+        drift.add(index, 0.0004 * index, 0.01)
+    assert drift.factor == 1
 
 
 def pictures(source, count):
