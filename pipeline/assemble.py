@@ -50,6 +50,22 @@ class SinkContext:
     console: TextIO
 
 
+def _offset_detector(settings: OffsetSettings, *, name: str, rig: Rig, plan: Plan, **_: object) -> OffsetDetector:
+    tolerance = plan.config.judge.sync_tolerance_ms
+    return OffsetDetector(
+        settings,
+        name=name,
+        rig=rig,
+        base=plan.base,
+        version=version(),
+        sync_tolerance_ms=None if tolerance == "auto" else tolerance,
+    )
+
+
+def version() -> str:
+    return metadata.version("syncwatch")
+
+
 KINDS = Kinds(
     tables={
         "source": {
@@ -67,8 +83,11 @@ KINDS = Kinds(
             "stamp_drift": Kind(StampDriftSettings, lambda s, c, seed, _: StampDrift(s, c, seed)),
         },
         "detectors": {
-            "timestamp": Kind(TimestampSettings, TimestampDetector),
-            "offset": Kind(OffsetSettings, lambda s, *, name, rig, **_: OffsetDetector(s, name=name, rig=rig)),
+            "timestamp": Kind(
+                TimestampSettings,
+                lambda s, *, name, rig, classic, **_: TimestampDetector(s, name=name, rig=rig, classic=classic),
+            ),
+            "offset": Kind(OffsetSettings, _offset_detector),
             "spatial": Kind(SpatialSettings, lambda s, *, name, rig, **_: SpatialDetector(s, name=name, rig=rig)),
         },
         "sinks": {
@@ -86,10 +105,6 @@ KINDS = Kinds(
         "sinks": lambda made: lambda s, k: made(s, rig=k.rig),
     },
 )
-
-
-def version() -> str:
-    return metadata.version("syncwatch")
 
 
 def build_source(
@@ -151,7 +166,7 @@ def assemble(
     context = SinkContext(plan, rig, source.frame_count, console)
     classic = config.judge.combine == "classic"
     detectors: Mapping[str, Detector] = {
-        name: chosen.build(chosen.settings, name=name, rig=rig, classic=classic)
+        name: chosen.build(chosen.settings, name=name, rig=rig, classic=classic, plan=plan)
         for name, chosen in plan.detectors.items()
     }
     sinks: Mapping[str, Sink] = {name: chosen.build(chosen.settings, context) for name, chosen in plan.sinks.items()}

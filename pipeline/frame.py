@@ -200,6 +200,7 @@ class Detector(Protocol):
 
     Called from the detection thread only, once a window, in order of time; windows may be missing under load (their
     `index` tells). It may keep its own bounded history. It abstains (state unknown, reason in words) rather than guess.
+    If it has a method `close()`, that is called after the last window.
     """
 
     def observe(self, window: Window) -> Sequence[Evidence]: ...

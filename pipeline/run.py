@@ -189,9 +189,20 @@ class Run:
         self._reader.start()
         try:
             self._detect()
+            self._close_detectors()
         finally:
             self._report_all(self._parts.conditions.finish())
             self._report_status()
+
+    def _close_detectors(self) -> None:
+        for name, detector in self._parts.detectors.items():
+            close = getattr(detector, "close", None)
+            if close is None:
+                continue
+            try:
+                close()
+            except Exception as error:  # a user's own detector may raise anything
+                raise _explained(f"detector '{name}' could not be closed", error) from error
 
     def _read(self) -> None:
         """The source's thread: frames in, windows out."""

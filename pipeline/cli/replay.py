@@ -17,7 +17,7 @@ from pipeline.configtext.document import load_text
 from pipeline.errors import InputError
 from pipeline.plan import Plan, make_plan
 
-DEFAULT_DETECTORS = ("timestamp", "spatial")
+DEFAULT_DETECTORS = ("timestamp", "offset")
 
 
 @click.command()

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
+from pipeline.detectors.offset.budget import Budget
+from pipeline.detectors.offset.knowledge import Knowledge
+from pipeline.detectors.offset.loops import Edge, closed, measured_pairs
 from pipeline.detectors.offset.motion_signal import MotionSignal
 from pipeline.detectors.offset.pair import PairEstimator, View
 from pipeline.detectors.offset.settings import OffsetSettings
@@ -56,39 +61,82 @@ def alike(*pictures: Working) -> bool:
 
 
 class OffsetDetector:
-    """Implements Detector: one piece of evidence a pair, an offset with its error or why there is none."""
+    """Implements Detector: one piece of evidence a pair, an offset with its error or why there is none.
 
-    def __init__(self, settings: OffsetSettings, *, name: str, rig: Rig, classic: bool = False) -> None:
-        del classic
+    base: the folder from which paths of files count. cpu_ns: CPU time used so far. sync_tolerance_ms: the judge's.
+    """
+
+    def __init__(
+        self,
+        settings: OffsetSettings,
+        *,
+        name: str,
+        rig: Rig,
+        base: Path = Path(),
+        version: str = "",
+        sync_tolerance_ms: float | None = None,
+        wall_ns: Callable[[], int] = time.time_ns,
+        cpu_ns: Callable[[], int] = time.thread_time_ns,
+    ) -> None:
         self._settings = settings
         self._name = name
         self._rig = rig
-        firsts = {pair.first for pair in rig.pairs}
-        used = [c.name for c in rig.cameras if any(c.name in (p.first, p.second) for p in rig.pairs)]
-        self._eyes = {camera: Eye(settings, tracked=camera in firsts) for camera in used}
-        self._estimators = {
-            pair.name: PairEstimator(settings.max_lag_frames, with_halves=settings.halves) for pair in rig.pairs
-        }
+        self._tolerance_ms = sync_tolerance_ms if settings.tolerance_ms == "auto" else settings.tolerance_ms
+        self._edges = measured_pairs(rig.pairs, [camera.name for camera in rig.cameras])
+        firsts = {first for first, _ in self._edges}
+        self._eyes = {name: Eye(settings, tracked=name in firsts) for edge in self._edges for name in edge}
+        self._estimators: dict[Edge, PairEstimator] = {}
+        self._sizes: dict[Edge, tuple[int, int]] = {}
+        self._in_sync: dict[Edge, bool] = {}
+        self._budget = Budget(settings.cpu_percent / 100, min(camera.period_ns for camera in rig.cameras), cpu_ns)
+        self._knowledge = Knowledge(
+            [camera.name for camera in rig.cameras],
+            None if settings.calibration is None else base / settings.calibration,
+            None if settings.rig is None else base / settings.rig,
+            version=version,
+            wall_ns=wall_ns,
+        )
 
     def observe(self, window: Window) -> Sequence[Evidence]:
         if window.index % self._settings.every:
-            return [
-                self._abstain(pair, f"not looked at: one window in {self._settings.every} is")
-                for pair in self._rig.pairs
-            ]
-        for camera, eye in self._eyes.items():
-            eye.look(window, window.cameras[camera])
-        return [self._judge(pair, window) for pair in self._rig.pairs]
+            return self._abstain_all(f"not looked at: one window in {self._settings.every} is")
+        if not self._budget.allows(window.index):
+            return self._abstain_all(f"not looked at: over {self._settings.cpu_percent:g} % of a core")
+        with self._budget:
+            for camera, eye in self._eyes.items():
+                eye.look(window, window.cameras[camera])
+            found = {edge: self._find(edge, window) for edge in self._edges}
+            if len(self._edges) > 2:
+                found = closed(found, {camera.name: camera.period_ns for camera in self._rig.cameras})
+            return [self._say(pair, found[pair.first, pair.second]) for pair in self._rig.pairs]
 
-    def _judge(self, pair: Pair, window: Window) -> Evidence:
-        for camera in (pair.first, pair.second):
-            triple = window.cameras[camera]
-            if triple.current is None:
-                return self._abstain(pair, f"no frame of {camera}")
-        first, second = self._eyes[pair.first].view, self._eyes[pair.second].view
-        estimator = self._estimators[pair.name]
-        points = estimator.update(window.index, first, second)
-        return self._say(pair, weigh(points, estimator.signal))
+    def close(self) -> None:
+        """Keeps what was learned of pairs that are in sync. Raises RunError."""
+        self._knowledge.keep(
+            {
+                f"{first}-{second}": (self._sizes[first, second], estimator.memory)
+                for (first, second), estimator in self._estimators.items()
+                if self._in_sync.get((first, second))
+            }
+        )
+
+    def _find(self, edge: Edge, window: Window) -> Finding:
+        for camera in edge:
+            if window.cameras[camera].current is None:
+                return Finding(None, None, f"no frame of {camera}")
+        estimator = self._estimators.get(edge) or self._start(edge, window)
+        points = estimator.update(window.index, self._eyes[edge[0]].view, self._eyes[edge[1]].view)
+        return weigh(points, estimator.signal)
+
+    def _start(self, edge: Edge, window: Window) -> PairEstimator:
+        pictures = [frame.image for camera in edge if (frame := window.cameras[camera].current) is not None]
+        recorded = [(image.shape[1], image.shape[0]) for image in pictures]
+        shown = self._eyes[edge[0]].view.pictures[window.index].image.shape
+        self._sizes[edge] = shown[1], shown[0]
+        memory = self._knowledge.memory(*edge, (recorded[0], recorded[1]), self._sizes[edge])
+        most, with_halves = self._settings.max_lag_frames, self._settings.halves
+        self._estimators[edge] = PairEstimator(most, memory, with_halves=with_halves)
+        return self._estimators[edge]
 
     def _say(self, pair: Pair, found: Finding) -> Evidence:
         if found.tau is None or found.sigma is None:
@@ -102,6 +150,8 @@ class OffsetDetector:
         elif found.known and away - 2 * found.sigma > tolerance:
             later = "later" if found.tau > 0 else "earlier"
             state, reason = State.ASYNC, f"{pair.second} is {abs(found.tau):.2f} frames {later} by {found.spoke}"
+        if state is not State.UNKNOWN:
+            self._in_sync[pair.first, pair.second] = state is State.SYNC
         return Evidence(
             pair=pair.name,
             detector=self._name,
@@ -118,9 +168,12 @@ class OffsetDetector:
 
     def _tolerance_ns(self, period_ns: int) -> float:
         """5 ms, but at least 3 and at most 10 % of a period, unless set."""
-        if self._settings.tolerance_ms == "auto":
+        if self._tolerance_ms is None:
             return min(max(5.0 * NS_PER_MS, 0.03 * period_ns), 0.10 * period_ns)
-        return self._settings.tolerance_ms * NS_PER_MS
+        return self._tolerance_ms * NS_PER_MS
+
+    def _abstain_all(self, reason: str) -> list[Evidence]:
+        return [self._abstain(pair, reason) for pair in self._rig.pairs]
 
     def _abstain(self, pair: Pair, reason: str) -> Evidence:
         return Evidence(pair=pair.name, detector=self._name, basis=Basis.CONTENT, state=State.UNKNOWN, reason=reason)

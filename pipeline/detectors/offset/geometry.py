@@ -38,8 +38,10 @@ class Memory:
     tell from time stays as uncertain as the prior says.
     """
 
-    def __init__(self) -> None:
-        self._prior = np.diag(PRIOR**-2)
+    def __init__(self, terms: Floats | None = None, information: Floats | None = None) -> None:
+        """Starts from a calibration, or what was saved of a rig, if `terms` and their `information` are given."""
+        self._prior = np.diag(PRIOR**-2) if information is None else information
+        self._prior_vector: Floats = np.zeros(TERMS) if terms is None else self._prior @ terms
         self._information: Floats = np.zeros((TERMS, TERMS))
         self._vector: Floats = np.zeros(TERMS)
         self.windows = 0
@@ -50,12 +52,12 @@ class Memory:
 
     @property
     def vector(self) -> Floats:
-        return self._vector
+        return np.asarray(self._vector + self._prior_vector, np.float64)
 
     @property
     def terms(self) -> Floats:
         """8: the best estimate."""
-        return np.asarray(np.linalg.solve(self.information, self._vector), np.float64)
+        return np.asarray(np.linalg.solve(self.information, self.vector), np.float64)
 
     def learn(self, information: Floats, vector: Floats) -> None:
         keep = 1 - 1 / MEMORY_WINDOWS

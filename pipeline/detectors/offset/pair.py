@@ -66,11 +66,11 @@ class Estimate:
 class PairEstimator:
     """One pair. `update` takes the state of both cameras at a slot and returns an estimate, or why there is none."""
 
-    def __init__(self, most: int, *, with_halves: bool = False) -> None:
+    def __init__(self, most: int, memory: Memory, *, with_halves: bool = False) -> None:
         self._most = most
         self._with_halves = with_halves
         self._matcher = Matcher()
-        self.memory = Memory()
+        self.memory = memory
         self._blocks: deque[Block] = deque()
         self._lag = 0
         self._told = False
@@ -79,7 +79,7 @@ class PairEstimator:
         self._fit: Fit | None = None
         self._sweep: Sweep | None = Sweep(most)
         self._usual_px: float | None = None
-        self._drift = Drift(BLOCKS)
+        self.drift = Drift(BLOCKS)
         self._slips = Slips(BLOCKS)
         self._newest: tuple[tuple[int, int], Matches, int] | None = None
 
@@ -118,15 +118,15 @@ class PairEstimator:
         floor = _floor(fit, self._lag)
         sigma = float(np.hypot(fit.sigma, floor))
         if len(self._blocks) > BLOCKS // 2 and sigma < 0.2:
-            self._drift.add(index, fit.tau, sigma)
-        sigma *= self._drift.factor
+            self.drift.add(index, fit.tau, sigma)
+        sigma *= self.drift.factor
         return Estimate(
             fit,
             sigma,
             self._lag,
             len(self._blocks),
             self._slips.margin(self._lag, fit),
-            self._drift.calibrated,
+            self.drift.calibrated,
             halves(self._blocks, self.memory, fit) if self._with_halves else {},
         )
 
