@@ -48,6 +48,11 @@ class Block:
     speed_variance: Floats
     cut_px: float
 
+    @property
+    def pace(self) -> Floats:
+        """N: px a frame."""
+        return np.asarray(np.hypot(self.along, self.path[:, 0]), np.float64)
+
     def only(self, chosen: Mask) -> Block:
         """The block with some of its points."""
         kept = {

@@ -20,7 +20,7 @@ DISPARITY, AHEAD = 3, 6
 """The terms d and v d."""
 
 MEMORY_WINDOWS = 900
-"""Half a minute at 30 Hz: long against changes of speed, short against warming up and slow bending of a rig."""
+"""Half a minute at 30 Hz: long against changes of speed, short against warming up of a rig."""
 
 
 def design(u: Floats, v: Floats, d: Floats) -> Floats:

@@ -73,10 +73,10 @@ def measure(tracks: Tracks, rows: Ints, earlier: Tracks | None, later: Tracks | 
     steps[:, 2] = tracks.after[rows, 1] - at[:, 1]
     ids = tracks.ids[rows]
     if earlier is not None:
-        _, mine, theirs = np.intersect1d(ids, earlier.ids, assume_unique=True, return_indices=True)
+        mine, theirs = _common_ids(ids, earlier.ids)
         steps[mine, 0] = earlier.before[theirs, 1] - at[mine, 1]
     if later is not None:
-        _, mine, theirs = np.intersect1d(ids, later.ids, assume_unique=True, return_indices=True)
+        mine, theirs = _common_ids(ids, later.ids)
         steps[mine, 3] = later.after[theirs, 1] - at[mine, 1]
     along = ((tracks.after - tracks.before)[rows, 0] / 2).astype(np.float64)
     common = _common(steps, basis)
@@ -102,6 +102,15 @@ def _cut(steps: Floats, noise: float) -> float:
     longest = max(before, after)
     others = max(first, last, min(before, after), noise)
     return float(longest) if longest > CUT * others else 0.0
+
+
+def _common_ids(ids: Ints, others: Ints) -> tuple[Ints, Ints]:
+    """Places of the ids that are in both; both ascend, as tracks number their points."""
+    if not len(others):
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    place = np.minimum(np.searchsorted(others, ids), len(others) - 1)
+    mine = np.flatnonzero(others[place] == ids)
+    return mine, place[mine]
 
 
 def _accompanied(at: Floats, rest: Floats, moves: Mask) -> Mask:

@@ -23,9 +23,12 @@ BLOCKS = 16
 """Windows an offset is averaged over: long enough for motion to vary, short enough to see a slip soon."""
 
 
-SOLVE_EVERY = 4
-"""Windows between two solutions once there are BLOCKS windows: a quarter of them is then new. Slips are looked for in
+SOLVE_EVERY = 5
+"""Windows between two solutions once there are BLOCKS windows: a third of them is then new. Slips are looked for in
 every window."""
+
+LISTEN_EVERY = 10
+"""Windows between two looks at the motion of whole pictures: a fifteenth of their history is then new."""
 
 HALF = 0.6
 """Beyond it another pairing is nearer; a little over a half, so that an offset of a half does not flap."""
@@ -204,6 +207,7 @@ class PairEstimator:
         self._blocks = deque(list(self._blocks)[-recent:])
         self._fit = solve(self._blocks, self.memory, tau, self._fit.terms)
         refill(self._slips, self._blocks, self._fit)
+        self._usual_px = None
 
     def _relock(self, fit: Fit) -> None:
         if abs(fit.tau - self._lag) > HALF and 3 * fit.sigma < 0.5 and fit.noise_share < 0.3:
@@ -212,7 +216,7 @@ class PairEstimator:
 
     def _acquire(self, index: int, first: View, second: View) -> None:
         """Listens to the motion of the whole pictures; while points tell nothing, goes to the lag that it shows."""
-        if index % 5 == 0:
+        if index % LISTEN_EVERY == 0:
             self.signal = signal_offset(first.signal, second.signal, self._most)
             if self.signal is not None and abs(self.signal.tau - self._lag) >= 1.5 and not self._told:
                 self._jump(round(self.signal.tau))

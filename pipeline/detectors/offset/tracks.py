@@ -14,8 +14,11 @@ from pipeline.frame import Picture
 WINDOW_PX = 13
 """Side of the patch that is followed: large enough to hold a corner of a VGA picture, small beside objects."""
 
-GUESSED_LEVELS = 3
-"""Pyramid levels above the first: guesses may be off by about 2^2 * WINDOW_PX / 2 = 30 px."""
+LEVELS = 3
+"""Pyramid levels above the first: guesses may be off by about 2^3 * WINDOW_PX / 2 = 50 px."""
+
+CALM_PX, CALM_LEVELS = 8.0, 1
+"""Where most of the picture moves less than that in a frame, a guess from its flow is off by a part of it only."""
 
 STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 8, 0.01)
 """A hundredth of a pixel is the best that 8-bit pictures give; most points are there after five rounds."""
@@ -87,7 +90,7 @@ class Tracker:
             self._next_id += len(fresh)
             age = np.concatenate([age, np.ones(len(fresh), np.int64)])
             was, at = np.concatenate([was, origin]), np.concatenate([at, fresh])
-        then, found = ahead(now.image, after.image, at, at + forth.at(at))
+        then, found = ahead(now.image, after.image, at, forth)
         self._last = Tracks(index, ids[found], age[found], was[found], at[found], then[found])
         return self._last
 
@@ -105,16 +108,21 @@ def follow(source: Picture, target: Picture, points: Points, guess: Points) -> t
     """Where n x 2 points of `source` are in `target`, and which of them came back to where they started."""
     if len(points) == 0:
         return points, np.empty(0, np.bool_)
-    there, found = _flow(source, target, points, guess, GUESSED_LEVELS)
+    there, found = _flow(source, target, points, guess, LEVELS)
     back, returned = _flow(target, source, there, points, 0)
     return there, found & returned & _inside(there, target) & (np.abs(back - points).max(axis=1) < RETURN_PX)
 
 
-def ahead(source: Picture, target: Picture, points: Points, guess: Points) -> tuple[Points, Mask]:
-    """As `follow`, but without the way back: what goes wrong shows in the other camera's view and in the residuals."""
+def ahead(source: Picture, target: Picture, points: Points, flow: Flow) -> tuple[Points, Mask]:
+    """As `follow`, from a guess by the flow, but without the way back.
+
+    What goes wrong shows in the other camera's view and in the residuals.
+    """
     if len(points) == 0:
         return points, np.empty(0, np.bool_)
-    there, found = _flow(source, target, points, guess, GUESSED_LEVELS)
+    motion = flow.at(points)
+    levels = CALM_LEVELS if np.abs(motion).max(axis=1).mean() < CALM_PX else LEVELS
+    there, found = _flow(source, target, points, points + motion, levels)
     return there, found & _inside(there, target)
 
 
