@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.assemble import KINDS
+from pipeline.cli.replay import recording_plan
 from pipeline.frame import Camera, Detector, Frame, Pair, Rig, Window
 from pipeline.verdict import State
 from tests.frames import PERIOD_NS, frame, texture, window
@@ -17,7 +18,8 @@ RIG = Rig("bench", CAMERAS, (Pair("a", "b"), Pair("a", "c")))
 @pytest.fixture(params=sorted(KINDS.tables["detectors"]))
 def detector(request) -> Detector:
     kind = KINDS.tables["detectors"][request.param]
-    made: Detector = kind.build(kind.settings.model_validate({}), name="it", rig=RIG, classic=False)
+    plan = recording_plan(["nowhere"])
+    made: Detector = kind.build(kind.settings.model_validate({}), name="it", rig=RIG, classic=False, plan=plan)
     return made
 
 

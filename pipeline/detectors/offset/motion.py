@@ -19,8 +19,9 @@ hundred still points four exceed the first by chance and none the second."""
 COMPANY, ALIKE = 2, 0.5
 """A point moves by itself if one of its two nearest neighbours moves as it does, to a half."""
 
-CUT = 4.0
-"""A step this many times as long as its neighbours is no motion: things start and stop, they do not do both at once."""
+CUT, CUT_PX = 2.5, 1.0
+"""A step so many times as long as its neighbours, and that long, is no motion: things start and stop, they do not do
+both at once. Shaking by less than a pixel may look like it."""
 
 COMMON = 5
 """Terms of the motion that points of a rigid scene share: 1, u, v, disparity d and, driving forward, v d."""
@@ -101,7 +102,7 @@ def _cut(steps: Floats, noise: float) -> float:
     first, before, after, last = np.sqrt((np.diff(ways[known], axis=1) ** 2).mean(axis=0)).tolist()
     longest = max(before, after)
     others = max(first, last, min(before, after), noise)
-    return float(longest) if longest > CUT * others else 0.0
+    return float(longest) if longest > max(CUT * others, CUT_PX) else 0.0
 
 
 def _common_ids(ids: Ints, others: Ints) -> tuple[Ints, Ints]:

@@ -33,8 +33,8 @@ VIEW_FRAMES, FLOOR_FRAMES = 0.5, 0.02
 LIVELY_PX = 0.15
 """A flow of the coarse picture below a sixth of its pixel is codec noise."""
 
-JUMP = 4.0
-"""Times the usual motion, beyond which it is taken for a jump."""
+JUMP = 2.5
+"""A change of the picture so many times that before and that after it is a jump: motions start and end more slowly."""
 
 GRAIN_LEVELS = 1.0
 """A cell of the coarse picture changes by that much from noise alone."""
@@ -85,10 +85,15 @@ def signal_offset(first: MotionSignal, second: MotionSignal, most: int) -> Signa
 
 
 def _without_jumps(values: Floats) -> Floats:
-    """A cut or a gap is one huge value, which would correlate with the other camera's and drown all motion."""
-    size = np.abs(values).reshape(-1, values.shape[-1])
-    limit = np.array([JUMP * np.median(column[column > 0]) if (column > 0).any() else 0.0 for column in size.T])
-    return np.asarray(np.clip(values, -limit, limit))
+    """Values over time with every single jump smoothed away: a cut or a gap is no motion, and would drown all else."""
+    moved = values.copy()
+    change = moved[..., -1]
+    before, now, after = change[:-2], change[1:-1], change[2:]
+    jump = np.zeros(change.shape, np.bool_)
+    jump[1:-1] = now**2 > JUMP * np.maximum(before, after) ** 2
+    smooth = (np.roll(moved, 1, axis=0) + np.roll(moved, -1, axis=0)) / 2
+    moved[jump] = smooth[jump]
+    return moved
 
 
 def _correlate(x: Floats, y: Floats, most: int) -> SignalFit | None:

@@ -23,7 +23,7 @@ BLOCKS = 16
 """Windows an offset is averaged over: long enough for motion to vary, short enough to see a slip soon."""
 
 
-SOLVE_EVERY = 5
+SOLVE_EVERY = 6
 """Windows between two solutions once there are BLOCKS windows: a third of them is then new. Slips are looked for in
 every window."""
 

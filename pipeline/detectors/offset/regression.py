@@ -181,7 +181,8 @@ def _assess(
     step = tau - s.lag
     plain = step * (s.plain[:, 0] + step * s.plain[:, 1])
     between = abs(float((weight * own * (s.moved(tau) - plain)).sum())) / max(signal, 1e-12)
-    curved = float((weight * s.path[:, 1] ** 2).sum()) / max(4 * float((weight * s.path[:, 0] ** 2).sum()), 1e-12)
+    sharp, even = (float((s.path[:, power] ** 2).sum()) for power in (1, 0))
+    curved = sharp / max(4 * even, 1e-12)
     apart = abs(tau - round(tau))
     between = float(np.hypot(between, tau - diluted))
     between = max(between, 4 * apart * (1 - apart) * ANYWHERE * min(curved, 1.0) ** 2)

@@ -162,41 +162,42 @@ MOVING_LEVELS = 6.0
 """Grey levels by which a blurred picture changes where something textured moves by a pixel; codec noise is below."""
 
 FLAT = 1e-4
-"""Smallest eigenvalue (OpenCV's units, block of 5) of a patch that can still be located: noise of 1 to 2 levels."""
+"""Smallest eigenvalue (OpenCV's units, block of 3 at half size) of a patch that can be located: noise of 2 levels."""
 
 
 def corners(image: Picture, earlier: Picture, taken: Points, count: int) -> Points:
     """At most `count` new corners, the best of each grid cell that holds none, preferring where something moves.
 
-    Score: the smaller eigenvalue of the gradient matrix (Shi and Tomasi 1994), times one plus the change since
-    `earlier` in units of MOVING_LEVELS. The common change of brightness does not count.
+    Looked for in the picture at half its size. Score: the smaller eigenvalue of the gradient matrix (Shi and Tomasi
+    1994), times one plus the change since `earlier` in units of MOVING_LEVELS. The common change of brightness does not
+    count.
     """
     if count <= 0 or min(image.shape[:2]) < 4 * WINDOW_PX:
         return np.empty((0, 2), np.float32)
-    half = cv2.resize(image, (image.shape[1] // 2, image.shape[0] // 2), interpolation=cv2.INTER_AREA)
-    score = cv2.resize(cv2.cornerMinEigenVal(half, 3), (image.shape[1], image.shape[0]), interpolation=cv2.INTER_LINEAR)
+    size = (image.shape[1] // 2, image.shape[0] // 2)
+    score = cv2.cornerMinEigenVal(cv2.resize(image, size, interpolation=cv2.INTER_AREA), 3)
     if earlier.shape == image.shape:
         small = (image.shape[1] // 4, image.shape[0] // 4)
         change = cv2.resize(image, small, interpolation=cv2.INTER_AREA).astype(np.float32)
         change -= cv2.resize(earlier, small, interpolation=cv2.INTER_AREA).astype(np.float32)
         change = np.minimum(np.abs(change - np.median(change)) / MOVING_LEVELS, 3.0) ** 2
-        lively = cv2.resize(1 + change, (image.shape[1], image.shape[0]), interpolation=cv2.INTER_LINEAR)
+        lively = cv2.resize(1 + change, size, interpolation=cv2.INTER_LINEAR)
     else:
         lively = np.ones_like(score)
-    cell = max(8, int(spacing(image, 2 * (count + len(taken)))))
-    border = WINDOW_PX // 2
-    rows, columns = (image.shape[0] - 2 * border) // cell, (image.shape[1] - 2 * border) // cell
+    cell = max(4, int(spacing(image, 2 * (count + len(taken)))) // 2)
+    border = WINDOW_PX // 4
+    rows, columns = (size[1] - 2 * border) // cell, (size[0] - 2 * border) // cell
     area = slice(border, border + rows * cell), slice(border, border + columns * cell)
     usable = np.where(score[area] > FLAT, score[area] * lively[area], 0)
     cells = usable.reshape(rows, cell, columns, cell).swapaxes(1, 2).reshape(rows * columns, cell * cell)
     best = cells.argmax(axis=1)
     value = cells[np.arange(len(cells)), best]
     if len(taken):
-        column, row = ((taken - border) // cell).astype(int).T
+        column, row = ((taken / 2 - border) // cell).astype(int).T
         within = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         value[row[within] * columns + column[within]] = 0
     chosen = np.argsort(-value)[:count]
     chosen = chosen[value[chosen] > 0]
     y = chosen // columns * cell + best[chosen] // cell
     x = chosen % columns * cell + best[chosen] % cell
-    return np.stack([x + border, y + border], axis=1).astype(np.float32)
+    return np.stack([2 * (x + border) + 0.5, 2 * (y + border) + 0.5], axis=1).astype(np.float32)

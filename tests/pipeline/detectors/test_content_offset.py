@@ -76,7 +76,7 @@ def test_a_real_drive_is_measured(manipulation, recordings):
     result = scored({"type": "replay", "path": "kitti_odo_seq1", "fps": 10}, manipulation, recordings)
     assert result.decided >= 0.9 * result.windows
     assert result.whole_right == result.measured
-    assert max(result.errors) < 0.05
+    assert max(result.errors) < 0.1
 
 
 def test_nothing_but_codec_flicker_is_never_decided(recordings):

@@ -7,6 +7,7 @@ import json
 import pytest
 
 from pipeline.evaluate.subsample import SubsampledSource
+from pipeline.evaluate.suite import load_suite
 from syncwatch.testing import ScriptedSource
 from tests.frames import PERIOD_NS, RIG, frame
 from tests.programs import syncwatch, write_folders
@@ -57,7 +58,9 @@ def test_the_spatial_detector_is_right_on_what_it_can_see(evaluated):
         (SUITE.replace("frames: -1}", "frame: -1}"), "did you mean 'frames'?"),
         (SUITE.replace("spatial", "spacial"), "did you mean 'spatial'?"),
         (SUITE.replace("every: 2", "every: 0"), "must be at least 1"),
+        (SUITE, "recording 'folders', manipulation 'clean': "),
         (SUITE, "no such file or folder"),
+        (SUITE.replace("half: {", "half: {recordings: [folder], "), "no recording 'folder' - did you mean 'folders'?"),
     ],
 )
 def test_a_suite_that_cannot_run_is_refused(tmp_path, suite, said):
@@ -66,6 +69,30 @@ def test_a_suite_that_cannot_run_is_refused(tmp_path, suite, said):
     assert done.returncode == 2, done.stderr
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_missing_recording_is_one_line_said_before_anything_runs(tmp_path):
+    suite = SUITE.replace("recordings:\n", "recordings:\n  first: {type: synthetic, motion: still, duration_s: 3}\n")
+    (tmp_path / "suite.yaml").write_text(suite)
+    done = syncwatch("evaluate", "suite.yaml", cwd=tmp_path)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
+
+
+def test_a_manipulation_may_be_for_some_recordings_only(tmp_path):
+    (tmp_path / "suite.yaml").write_text(SUITE.replace("half: {", "half: {recordings: [rendered], "))
+    clips = load_suite(tmp_path / "suite.yaml", {})
+    assert [clip.recording for clip in clips if clip.manipulation == "half"] == ["rendered"]
+    assert [clip.recording for clip in clips if clip.manipulation == "stale"] == ["folders", "rendered"]
+
+
+def test_a_suite_runs_from_any_folder_and_tells_how_far_it_is(tmp_path):
+    write_folders(tmp_path / "here" / "clips" / "rig", 30)
+    (tmp_path / "here" / "suite.yaml").write_text(SUITE.replace("  rendered:", "  # rendered:"))
+    (tmp_path / "elsewhere").mkdir()
+    done = syncwatch("evaluate", "../here/suite.yaml", "--jobs", "1", cwd=tmp_path / "elsewhere")
+    assert done.returncode == 0, done.stderr
+    assert "4/4 folders half" in done.stderr
+    assert "sigma" in done.stdout
 
 
 def test_a_missing_suite_is_one_line(tmp_path):

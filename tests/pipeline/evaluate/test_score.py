@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.evaluate.score import Row, Score, score, share
+from pipeline.evaluate.score import Row, Score, score
 from pipeline.verdict import State
 
 SYNC, ASYNC, UNKNOWN = State.SYNC, State.ASYNC, State.UNKNOWN
@@ -25,7 +24,7 @@ def rows(*said: tuple[float, float | None], sigma: float | None = None) -> list[
 
 
 def scored(given_rows: list[Row], **options: float) -> Score:
-    return score(Score("r", "m", 0), given_rows, **{"fps": 10, "warm_up_s": 0, **options})
+    return score(Score("r", "m", 0), given_rows, **{"fps": 10, "warm_up_s": 0, "warm_up_frames": 20, **options})
 
 
 def test_the_warm_up_does_not_count_but_is_never_more_than_a_third():
@@ -64,14 +63,21 @@ def test_a_step_that_is_never_told_is_not_found():
     assert (result.steps, result.delays) == (1, [])
 
 
-def test_one_clip_has_no_interval_and_several_have():
-    one = scored(rows(*[(0, 0)] * 60))
-    other = scored(rows(*[(1, 0)] * 60))
-    assert str(share([one], lambda s: s.whole_right, lambda s: s.measured)) == "100.0 %"
-    both = share([one, other] * 5, lambda s: s.whole_right, lambda s: s.measured)
-    assert both.hits / both.total == pytest.approx(0.5)
-    assert both.low is not None
-    assert 0 < both.low < 0.5 < both.high < 1
+def test_a_step_told_before_it_happens_is_not_found():
+    result = scored(rows(*[(0, 0)] * 30, *[(0, 1)] * 10, *[(1, 1)] * 20))
+    assert (result.steps, result.delays, result.false_async) == (1, [], 10)
+
+
+def test_without_a_warm_up_every_frame_counts():
+    result = scored(rows(*[(0, 0)] * 12, *[(0, 1)] * 3, *[(0, None)] * 2), warm_up_frames=0)
+    assert result.windows == 17
+    assert result.verdicts == {"sync": 12, "async": 3, "unknown": 2}
+
+
+def test_json_tells_quantiles_of_errors_and_sigmas_not_all_of_them():
+    told = scored(rows(*[(0, 0.02)] * 59, (0, 0.2), sigma=0.03)).to_json()
+    assert (told["error_median_frames"], told["error_p95_frames"], told["sigma_median_frames"]) == (0.02, 0.02, 0.03)
+    assert not {"errors", "sigmas"} & told.keys()
 
 
 @given(st.lists(st.tuples(st.sampled_from([0.0, 1.0]), st.sampled_from([0.0, 1.0, None])), max_size=80))
