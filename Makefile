@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help run test classic bench clean
+.PHONY: help run test accuracy classic bench clean
 
 help:  ## what can be made
 	@awk -F':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' Makefile
@@ -26,10 +26,14 @@ test: $(INSTALLED)  ## everything CI runs: style, types, tests
 	$(BIN)/mypy
 	$(BIN)/pytest
 
-classic: $(INSTALLED)  ## score the report's detectors on the real recordings, into docs/classic-algorithm.md
-	$(BIN)/python benchmarks/classic.py
+accuracy: $(INSTALLED)  ## measure the content offset against its goals, into docs/accuracy.md (a quarter of an hour)
+	$(BIN)/python -m benchmarks.accuracy
 
-bench: $(INSTALLED)  ## what rendering costs, as a ratio to the report's spatial test
+classic: $(INSTALLED)  ## score the report's detectors on the real recordings, into docs/classic-algorithm.md
+	$(BIN)/python -m benchmarks.classic
+
+bench: $(INSTALLED)  ## what the content offset and rendering cost, as ratios to the report's spatial test
+	$(BIN)/python -m benchmarks.cost
 	$(BIN)/python benchmarks/render.py
 
 clean:  ## remove what make made

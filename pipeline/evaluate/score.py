@@ -1,9 +1,8 @@
-"""Compares what was said with the truth: of one clip, and of many with an interval."""
+"""Compares what was said of one clip with the truth."""
 
 from __future__ import annotations
 
-import random
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from statistics import median
 from typing import Any
@@ -11,12 +10,11 @@ from typing import Any
 from pipeline.frame import NS_PER_S
 from pipeline.verdict import State, Verdict
 
-WARM_UP_FRAMES = 20
 SMALL_ERROR = 0.10
 """Frames: what published methods count as right (MSU 2018)."""
 
-RESAMPLES = 1000
-TAIL = 0.025
+ROUNDED = 4
+"""Digits of a frame that are told: a ten-thousandth is finer than anything that is measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +32,14 @@ class Row:
 
 @dataclass(slots=True)
 class Score:
-    """Counts and errors of one clip; `windows` are those after the warm-up whose truth is known."""
+    """Counts and errors of one clip; `windows` are those after the warm-up whose truth is known.
+
+    decided:  the pictures said sync or async. measured: they also gave an offset.
+    errors, sigmas: |offset - truth| of what was measured, and its standard error, in frames.
+    steps, delays:  how often the pair went out of sync, and after how many frames, counted from the first changed one,
+                    the pictures said so; a step that was not found has no delay.
+    verdicts: how often the judge said what.
+    """
 
     recording: str
     manipulation: str
@@ -50,14 +55,18 @@ class Score:
     false_async: int = 0
     false_sync: int = 0
     errors: list[float] = field(default_factory=list)
+    sigmas: list[float] = field(default_factory=list)
     delays: list[int] = field(default_factory=list)
     steps: int = 0
+    verdicts: dict[str, int] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
+        """Everything but the errors and sigmas themselves, of which quantiles are told."""
         told = asdict(self)
-        errors = sorted(told.pop("errors"))
-        told["error_median_frames"] = round(median(errors), 4) if errors else None
-        told["error_p95_frames"] = round(quantile(errors, 0.95), 4) if errors else None
+        errors, sigmas = sorted(told.pop("errors")), told.pop("sigmas")
+        told["error_median_frames"] = round(median(errors), ROUNDED) if errors else None
+        told["error_p95_frames"] = round(quantile(errors, 0.95), ROUNDED) if errors else None
+        told["sigma_median_frames"] = round(median(sigmas), ROUNDED) if sigmas else None
         return told
 
 
@@ -77,10 +86,10 @@ def row(verdict: Verdict, period_ns: int) -> Row | None:
     )
 
 
-def score(empty: Score, rows: Sequence[Row], *, fps: float, warm_up_s: float) -> Score:
-    """Fills in the score of one clip and pair."""
-    result = replace(empty, errors=[], delays=[])
-    skipped = round(min(max(warm_up_s * fps, WARM_UP_FRAMES), len(rows) / 3))
+def score(empty: Score, rows: Sequence[Row], *, fps: float, warm_up_s: float, warm_up_frames: int) -> Score:
+    """Fills in the score of one clip and pair; the longer warm-up counts, but never more than a third of the clip."""
+    result = replace(empty, errors=[], sigmas=[], delays=[], verdicts={})
+    skipped = round(min(max(warm_up_s * fps, warm_up_frames), len(rows) / 3))
     for item in rows[skipped:]:
         _add(result, item)
     _find_steps(result, rows, skipped)
@@ -89,6 +98,7 @@ def score(empty: Score, rows: Sequence[Row], *, fps: float, warm_up_s: float) ->
 
 def _add(result: Score, item: Row) -> None:
     result.windows += 1
+    result.verdicts[item.verdict.value] = result.verdicts.get(item.verdict.value, 0) + 1
     if item.content is State.UNKNOWN:
         return
     result.decided += 1
@@ -103,55 +113,26 @@ def _add(result: Score, item: Row) -> None:
     result.small_error += error <= SMALL_ERROR
     if item.sigma_frames is not None:
         result.with_sigma += 1
+        result.sigmas.append(item.sigma_frames)
         result.within_two_sigma += error <= 2 * item.sigma_frames
 
 
 def _find_steps(result: Score, rows: Sequence[Row], skipped: int) -> None:
-    """How many frames after the pair went out of sync the pictures said so."""
+    """How many frames after the pair went out of sync the pictures said so; saying it beforehand finds nothing."""
     for index in range(max(skipped, 1), len(rows)):
         if rows[index].truth is State.ASYNC and rows[index - 1].truth is State.SYNC:
             result.steps += 1
             found = next((k for k, item in enumerate(rows[index:]) if item.content is State.ASYNC), None)
-            if found is not None and all(item.truth is State.ASYNC for item in rows[index : index + found]):
+            beforehand = rows[index - 1].content is State.ASYNC
+            if found is None or beforehand:
+                continue
+            if all(item.truth is State.ASYNC for item in rows[index : index + found]):
                 result.delays.append(found)
 
 
 def quantile(ordered: Sequence[float], share: float) -> float:
     """The value below which `share` of the ordered values lie, by the nearest rank."""
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
-
-
-@dataclass(frozen=True, slots=True)
-class Share:
-    """A share over clips, with a 95 % interval by bootstrap over clips, as frames of one clip are not independent."""
-
-    hits: int
-    total: int
-    low: float | None
-    high: float | None
-
-    def __str__(self) -> str:
-        if not self.total:
-            return "-"
-        share = f"{100 * self.hits / self.total:.1f} %"
-        return (
-            share if self.low is None or self.high is None else f"{share} ({100 * self.low:.1f}..{100 * self.high:.1f})"
-        )
-
-
-def share(scores: Sequence[Score], hits: Callable[[Score], int], total: Callable[[Score], int]) -> Share:
-    """Hits / total, summed over clips; without an interval for a single clip."""
-    counted = [(hits(item), total(item)) for item in scores if total(item)]
-    summed = sum(hit for hit, _ in counted), sum(count for _, count in counted)
-    if len(counted) < 2:
-        return Share(*summed, None, None)
-    chance = random.Random(0)
-    drawn = []
-    for _ in range(RESAMPLES):
-        sample = chance.choices(counted, k=len(counted))
-        drawn.append(sum(hit for hit, _ in sample) / sum(count for _, count in sample))
-    drawn.sort()
-    return Share(*summed, quantile(drawn, TAIL), quantile(drawn, 1 - TAIL))
 
 
 def period_of(fps: float) -> int:

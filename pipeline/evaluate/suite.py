@@ -10,9 +10,12 @@ from typing import Any
 import yaml
 from pydantic import Field, ValidationError
 
-from pipeline.configtext.document import Document, load_text, problems_from
+from pipeline.configtext.document import Document, Problem, load_file, load_text, nearest, problems_from
 from pipeline.plan import Kinds, Plan, make_plan
 from pipeline.settings import Settings
+
+DATA_VARIABLE = "SYNCWATCH_DATA"
+"""Names the folder of recordings, in suites and tests."""
 
 
 class SubsampleSettings(Settings):
@@ -23,10 +26,14 @@ class SubsampleSettings(Settings):
 
 
 class Manipulation(Settings):
-    """What is done to a recording: a sub-sampling first, then faults in order."""
+    """What is done to a recording: a sub-sampling first, then faults in order.
+
+    recordings: the names of those it is done to; left out: to all.
+    """
 
     subsample: SubsampleSettings | None = None
     faults: tuple[Any, ...] = ()
+    recordings: tuple[str, ...] | None = None
 
 
 class SuiteSettings(Settings):
@@ -37,7 +44,7 @@ class SuiteSettings(Settings):
     manipulations: by name.
     seeds: every combination runs once with each.
     detectors, judge: as in a configuration.
-    warm_up_s: verdicts at the start that do not count: so many seconds, at least 20 frames, at most a third of a clip.
+    warm_up_s, warm_up_frames: verdicts at the start that do not count: the longer of both, at most a third of a clip.
     """
 
     data: str = "."
@@ -47,6 +54,7 @@ class SuiteSettings(Settings):
     detectors: dict[str, Any] = Field(min_length=1)
     judge: dict[str, Any] = Field(default={})
     warm_up_s: float = Field(default=2.0, ge=0)
+    warm_up_frames: int = Field(default=20, ge=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +68,27 @@ class Clip:
     subsample: SubsampleSettings | None
     base: Path
     warm_up_s: float
+    warm_up_frames: int
+
+    @property
+    def label(self) -> str:
+        return f"recording '{self.recording}', manipulation '{self.manipulation}'"
 
     def plan(self, kinds: Kinds) -> Plan:
         """Raises ConfigError that names the clip."""
-        label = f"recording '{self.recording}', manipulation '{self.manipulation}'"
         text = yaml.safe_dump(dict(self.config)).replace("${", "$${")
-        return make_plan(load_text(text, label, {}, quoted=False), kinds, self.base)
+        return make_plan(load_text(text, self.label, {}, quoted=False), kinds, self.base)
+
+
+def load_suite(path: Path, environment: Mapping[str, str], overrides: Sequence[str] = ()) -> Sequence[Clip]:
+    """All clips of a suite file, in order, wherever the command was started. Raises ConfigError.
+
+    A path in the file counts from the file's folder, one in the variable SYNCWATCH_DATA from the current one.
+    """
+    given = dict(environment)
+    if given.get(DATA_VARIABLE):
+        given[DATA_VARIABLE] = str(Path(given[DATA_VARIABLE]).absolute())
+    return read_suite(load_file(path, given, overrides), path.resolve().parent)
 
 
 def read_suite(document: Document, base: Path) -> Sequence[Clip]:
@@ -74,6 +97,8 @@ def read_suite(document: Document, base: Path) -> Sequence[Clip]:
         suite = SuiteSettings.model_validate(document.data)
     except ValidationError as error:
         raise document.error(problems_from(error, (), SuiteSettings)) from None
+    if problems := _unknown_recordings(suite):
+        raise document.error(problems)
     return [
         Clip(
             recording=recording,
@@ -88,10 +113,22 @@ def read_suite(document: Document, base: Path) -> Sequence[Clip]:
                 "judge": suite.judge,
             },
             subsample=manipulation.subsample,
-            base=base / suite.data,
+            base=(base / suite.data).resolve(),
             warm_up_s=suite.warm_up_s,
+            warm_up_frames=suite.warm_up_frames,
         )
         for recording, source in suite.recordings.items()
         for name, manipulation in suite.manipulations.items()
+        if manipulation.recordings is None or recording in manipulation.recordings
         for seed in suite.seeds
+    ]
+
+
+def _unknown_recordings(suite: SuiteSettings) -> list[Problem]:
+    return [
+        Problem(("manipulations", name, "recordings", index), f"no recording '{wanted}'{nearest(wanted, known)}")
+        for known in [list(suite.recordings)]
+        for name, manipulation in suite.manipulations.items()
+        for index, wanted in enumerate(manipulation.recordings or ())
+        if wanted not in known
     ]
