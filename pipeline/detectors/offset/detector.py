@@ -19,6 +19,9 @@ from pipeline.frame import NS_PER_MS, Pair, Rig, Triple, Window
 from pipeline.pictures import Memo
 from pipeline.verdict import Basis, Evidence, State
 
+ACCUSING = 3.0
+"""Standard errors by which an offset must exceed the tolerance to be called out of sync; in sync takes two."""
+
 
 class Eye:
     """One camera's bounded history: pictures, tracks where needed, and its motion signal."""
@@ -147,7 +150,7 @@ class OffsetDetector:
         state, reason = State.UNKNOWN, found.why or "error too large beside the tolerance"
         if found.known and away + 2 * found.sigma <= tolerance:
             state, reason = State.SYNC, f"{found.spoke} agree to {found.sigma:.3f} frames"
-        elif found.known and away - 2 * found.sigma > tolerance:
+        elif found.known and away - ACCUSING * found.sigma > tolerance:
             later = "later" if found.tau > 0 else "earlier"
             state, reason = State.ASYNC, f"{pair.second} is {abs(found.tau):.2f} frames {later} by {found.spoke}"
         if state is not State.UNKNOWN:

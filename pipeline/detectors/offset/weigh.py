@@ -11,9 +11,11 @@ from pipeline.detectors.offset.pair import Estimate
 MOST_NOISE = 0.5
 """When half of the apparent motion is tracking noise, nothing is said."""
 
-WIDEST = 0.1
-"""Frames of standard error beyond which nothing is said; a fraction of a frame is only stated to half of it, so that
-two standard errors are what others count as right (MSU 2018)."""
+WIDEST = 0.15
+"""Frames of standard error beyond which nothing is said: three of them are nearly half a frame."""
+
+SIGNAL_WIDEST = 0.2
+"""The same for whole pictures, which are only asked where points are silent: three of them are still below a frame."""
 
 CLEAR = 10.0
 """Log likelihood by which every other offset must be worse: odds of twenty thousand to one."""
@@ -29,9 +31,6 @@ EXPLAINED = 0.2
 
 AGREEING = 3.0
 """Joint standard errors within which points and whole pictures speak of the same offset."""
-
-SIGNAL_WIDEST = 0.2
-"""Frames of standard error within which whole pictures may speak of whole frames: two of them are nearly a half."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +52,7 @@ class Finding:
 def weigh(points: Estimate | str, signal: SignalFit | None) -> Finding:
     """Points alone, whole pictures alone, or both by their errors where they agree; where not, points."""
     found = Finding(None, None, points) if isinstance(points, str) else of_points(points)
-    if signal is None or signal.sigma > _widest(signal.tau, signal.sigma, SIGNAL_WIDEST):
+    if signal is None or signal.sigma > SIGNAL_WIDEST:
         return found
     numbers = {
         **found.numbers,
@@ -71,11 +70,6 @@ def weigh(points: Estimate | str, signal: SignalFit | None) -> Finding:
     tau = share * found.tau + (1 - share) * signal.tau
     sigma = found.sigma * signal.sigma / joint
     return Finding(tau, sigma, "", f"{found.spoke} and whole pictures", found.motion_px, numbers)
-
-
-def _widest(tau: float, sigma: float, whole: float) -> float:
-    """The largest error with which an offset is stated: `whole` if it may be a whole number of frames."""
-    return whole if abs(tau - round(tau)) < 2 * sigma else WIDEST / 2
 
 
 def of_points(estimate: Estimate) -> Finding:
@@ -106,7 +100,7 @@ def _silence(estimate: Estimate) -> str:
         or fit.moving < LEAST_MOVING
         or fit.regions < LEAST_REGIONS
     )
-    if faint or sigma > _widest(fit.tau, sigma, WIDEST):
+    if faint or sigma > WIDEST:
         if fit.across_px < STILL_PX:
             return "nothing moves" if fit.along_px < STILL_PX else "no motion across the rows"
         if fit.motion_px < EXPLAINED * fit.across_px:
