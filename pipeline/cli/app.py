@@ -15,6 +15,7 @@ from pipeline.cli.configure import init, schema, validate
 from pipeline.cli.evaluate import evaluate
 from pipeline.cli.replay import replay
 from pipeline.cli.run import run
+from pipeline.cli.selftest import selftest
 from pipeline.errors import SyncwatchError
 
 INTERRUPTED = 130
@@ -34,7 +35,7 @@ def app(verbose: bool) -> None:
     set_up_logging(verbose=verbose)
 
 
-for command in (run, replay, check, evaluate, validate, init, schema):
+for command in (run, replay, check, evaluate, validate, init, schema, selftest):
     app.add_command(command)
 
 

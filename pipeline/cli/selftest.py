@@ -1,0 +1,132 @@
+"""`syncwatch selftest`: can the detector be believed on this footage?"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress as Bar
+from rich.table import Table
+
+from pipeline.cli.common import CANNOT_TELL, DONE, OUT_OF_SYNC, read_plan, set_option
+from pipeline.cli.replay import recording_plan
+from pipeline.errors import InputError
+from pipeline.plan import Plan
+from pipeline.selftest.findings import Outcome
+from pipeline.selftest.proof import Conclusion, Proof, prove
+from pipeline.selftest.trials import DETECTOR, Progress
+
+STATUS = {Conclusion.PROVED: DONE, Conclusion.CONTRADICTED: OUT_OF_SYNC, Conclusion.NOT_PROVED: CANNOT_TELL}
+COLOUR = {Outcome.PASSED: "green", Outcome.FAILED: "bold red", Outcome.NOT_SHOWN: "yellow"}
+SAID = {Outcome.PASSED: "pass", Outcome.FAILED: "FAIL", Outcome.NOT_SHOWN: "not shown"}
+
+HEADLINE = {
+    Conclusion.PROVED: "[bold green]PASSED.[/] The detector agrees with itself on this footage.",
+    Conclusion.CONTRADICTED: "[bold red]FAILED.[/] The detector contradicts itself: do not rely on it on this footage.",
+    Conclusion.NOT_PROVED: "[bold yellow]NOTHING PROVED.[/] This footage decides too little to say whether the "
+    "detector can be believed on it. Record the rig while it moves, or something that moves before it.",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Footage:
+    """What was given on the command line: one configuration, or a recording."""
+
+    paths: tuple[str, ...]
+    fps: float | None
+    overrides: tuple[str, ...]
+
+    def plan(self) -> Plan:
+        """Raises InputError."""
+        if len(self.paths) == 1 and Path(self.paths[0]).suffix in {".yaml", ".yml"}:
+            rate = () if self.fps is None else (f"source.fps={self.fps}",)
+            return read_plan(self.paths[0], (*self.overrides, *rate))
+        return recording_plan(self.paths, fps=self.fps, detectors=DETECTOR, overrides=self.overrides)
+
+
+@click.command()
+@click.argument("path", nargs=-1, required=True)
+@click.option("--fps", type=float, help="Frame rate of a recording without timestamps (30 if unknown).")
+@click.option("--json", "json_file", metavar="FILE", help="Write every number as JSON; - is standard output.")
+@click.option(
+    "--jobs", type=click.IntRange(1, 256), default=os.cpu_count() or 1, help="Processes (default: one a core)."
+)
+@set_option
+def selftest(
+    path: tuple[str, ...], fps: float | None, json_file: str | None, jobs: int, overrides: tuple[str, ...]
+) -> int:
+    """Prove the offset detector on your own footage, without ground truth.
+
+    The recording at PATH, or the source of a configuration, is judged as it is, with its pictures moved by known
+    numbers of frames, with its cameras swapped, with a slip put in, and by halves of its points: do all these agree?
+
+    Exit status 0: they do. 3: they contradict each other. 4: the footage shows too little to prove anything.
+    """
+    target = None if json_file in {None, "-"} else Path(str(json_file))
+    if target is not None and (target.is_dir() or not target.parent.is_dir()):
+        what = "it is a folder" if target.is_dir() else f"there is no folder {target.parent}"
+        raise InputError(f"--json {target}: cannot be written: {what}")
+    with _progress() as progress:
+        proof = prove(Footage(path, fps, overrides).plan, jobs, progress)
+    if target is not None:
+        _write(target, proof)
+    if json_file == "-":
+        click.echo(_json(proof))
+    else:
+        show(proof, Console(highlight=False, emoji=False))
+    return STATUS[proof.conclusion]
+
+
+def _json(proof: Proof) -> str:
+    return json.dumps(proof.to_json(), indent=1)
+
+
+def _write(target: Path, proof: Proof) -> None:
+    try:
+        target.write_text(_json(proof) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--json {target}: cannot be written: {error.strerror}") from None
+
+
+@contextmanager
+def _progress() -> Iterator[Progress]:
+    """A bar on a terminal, else a line for each thing that is begun; always on standard error."""
+    console = Console(stderr=True)
+    with Bar(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("")
+        begun: set[str] = set()
+
+        def say(what: str, done: int, total: int | None) -> None:
+            if what not in begun and not console.is_terminal:
+                click.echo(f"syncwatch: running the footage: {what}", err=True)
+            begun.add(what)
+            bar.update(task, description=what, completed=done, total=total)
+
+        yield say
+
+
+def show(proof: Proof, console: Console) -> None:
+    """Prints the tests as a table, then what they come to, for people."""
+    if proof.findings:
+        console.print(table(proof))
+    for item in proof.summaries:
+        console.print(f"{escape(proof.rig)}: {item.pair}: {escape(item.sentences(proof.period_ms))}")
+    console.print(f"{escape(proof.rig)}: {HEADLINE[proof.conclusion]}")
+
+
+def table(proof: Proof) -> Table:
+    """A row a test; the subject is left out where there is only one."""
+    many = len({finding.subject for finding in proof.findings}) > 1
+    made = Table("test", *(["pair"] if many else []), "result", "numbers", box=box.SIMPLE_HEAD)
+    for finding in proof.findings:
+        result = f"[{COLOUR[finding.outcome]}]{SAID[finding.outcome]}[/]"
+        made.add_row(finding.test, *([finding.subject] if many else []), result, escape(finding.text))
+    return made
