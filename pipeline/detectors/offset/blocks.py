@@ -27,8 +27,8 @@ CELLS = 4
 class Block:
     """The matches of one pairing of pictures: n points, in working pixels unless said otherwise.
 
-    lag: whole frames between the paired pictures. u, v: positions in widths. dx, dy: displacements to the other
-    picture. path: n x 4, the polynomial of a point's way across the rows in frames. along: its speed along the rows.
+    index: slot of the first camera's picture. lag: whole frames between the paired pictures. u, v: positions in widths.
+    dx, dy: displacements to the other picture. path: n x 4, the polynomial of a point's way across the rows in frames. along: its speed along the rows.
     speed_variance: squared standard errors of the speed across the rows. cut_px: how far points jumped, if they did, in
     a cut or a gap, about which nothing is known between the two frames. age: frames a point has been followed.
     """
@@ -62,7 +62,6 @@ class Block:
 
 
 def block_of(
-    index: int,
     lag: int,
     size: tuple[int, int],
     matches: Matches,
@@ -83,7 +82,7 @@ def block_of(
         motion = glance(tracks, rows)
     plain = np.column_stack([motion.inner[:, 1] - motion.inner[:, 0], motion.inner.sum(axis=1)]) / 2
     return Block(
-        index, lag, float(width), tracks.ids[rows], tracks.age[rows], u, v, dx, dy,
+        here, lag, float(width), tracks.ids[rows], tracks.age[rows], u, v, dx, dy,
         motion.path, plain, motion.along, motion.speed_variance, motion.cut_px,
     )  # fmt: skip
 

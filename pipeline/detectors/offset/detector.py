@@ -47,10 +47,11 @@ class Eye:
             if frame is not None:
                 self._pictures[slot] = self._memo[frame]
         before, now, after = (self._pictures.get(slot) for slot in (index - 1, index, index + 1))
-        if now is not None and after is not None and index + 1 not in self._flows:
-            flow = self._signal.add(index + 1, now, after)
-            if flow is not None:
-                self._flows[index + 1] = flow
+        for slot, earlier, later in ((index, before, now), (index + 1, now, after)):
+            if earlier is not None and later is not None and slot not in self._flows:
+                flow = self._signal.add(slot, earlier, later)
+                if flow is not None:
+                    self._flows[slot] = flow
         back, forth = self._flows.get(index), self._flows.get(index + 1)
         if self._tracker is not None and before and now and after and back and forth and alike(before, now, after):
             self._tracks[index] = self._tracker.step(index, before, now, after, back, forth)

@@ -23,8 +23,8 @@ BLOCKS = 16
 """Windows an offset is averaged over: long enough for motion to vary, short enough to see a slip soon."""
 
 
-SOLVE_EVERY = 6
-"""Windows between two solutions once there are BLOCKS windows: a third of them is then new. Slips are looked for in
+SOLVE_EVERY = 8
+"""Windows between two solutions once there are BLOCKS windows: half of them are then new. Slips are looked for in
 every window."""
 
 LISTEN_EVERY = 10
@@ -32,6 +32,9 @@ LISTEN_EVERY = 10
 
 HALF = 0.6
 """Beyond it another pairing is nearer; a little over a half, so that an offset of a half does not flap."""
+
+STALE_WINDOWS = 3
+"""A pairing that is older than its lag and this is not of now: windows or pictures are missing."""
 
 WARM = 8
 """Windows of a new rig before anything is said: each of the eight terms has then been seen at several positions."""
@@ -100,17 +103,8 @@ class PairEstimator:
             self._blocks.clear()
             self._slips.clear()
             return block
-        self._blocks.append(block)
-        self._seen += 1
-        while self._blocks and self._blocks[0].index <= index - BLOCKS:
-            old = self._blocks.popleft()
-            if self._fit is not None:
-                learn(self.memory, old, self._fit)
-        if self._fit is not None:
-            self._slips.add(block, self._fit)
-            slip = self._slips.found(self._lag, self._fit)
-            if slip is not None:
-                self._restart(*slip)
+        if not self._blocks or (block.index, block.lag) != (self._blocks[-1].index, self._blocks[-1].lag):
+            self._add(block)
         fit = self._solved(index)
         self._relock(fit)
         if sweeping:
@@ -132,6 +126,21 @@ class PairEstimator:
             self.drift.calibrated,
             halves(self._blocks, self.memory, fit) if self._with_halves else {},
         )
+
+    def _add(self, block: Block) -> None:
+        """Takes in a new pairing: the oldest is learned and let go, and slips are looked for."""
+        self._blocks.append(block)
+        self._seen += 1
+        while self._blocks[0].index <= block.index - BLOCKS:
+            old = self._blocks.popleft()
+            if self._fit is not None:
+                learn(self.memory, old, self._fit)
+        if self._fit is None:
+            return
+        self._slips.add(block, self._fit)
+        slip = self._slips.found(self._lag, self._fit)
+        if slip is not None:
+            self._restart(*slip)
 
     def _solved(self, index: int) -> Fit:
         """The fit of all complete blocks, made anew every few windows and while it is young."""
@@ -178,10 +187,10 @@ class PairEstimator:
 
     def _block(self, index: int, first: View, second: View, lag: int, matcher: Matcher) -> Block | str:
         """The latest pairing of first t with second t - lag whose pictures are all there."""
-        here, there = (index, index - lag) if lag >= 0 else (index + lag, index)
-        tracks = first.tracks.get(here)
-        if tracks is None or here not in first.pictures or there not in second.pictures:
+        here = max((slot for slot in first.tracks if slot - lag in second.pictures), default=None)
+        if here is None or here <= index - abs(lag) - STALE_WINDOWS or here not in first.pictures:
             return "too short a history"
+        tracks, there = first.tracks[here], here - lag
         if len(tracks.ids) < FEW:
             return f"too few corners: {len(tracks.ids)}"
         image = first.pictures[here]
@@ -191,7 +200,7 @@ class PairEstimator:
         height, width = image.image.shape
         if matcher is self._matcher:
             self._newest = (width, height), matches, here
-        return block_of(index, lag, (width, height), matches, first.tracks, here, known=False)
+        return block_of(lag, (width, height), matches, first.tracks, here, known=False)
 
     def _complete(self, first: View) -> None:
         """Measures the motion of the latest block again, now that one more picture is known."""
@@ -199,7 +208,7 @@ class PairEstimator:
             last = self._blocks[-1]
             size, matches, here = self._newest
             if here in first.tracks and here + 1 in first.tracks:
-                self._blocks[-1] = block_of(last.index, last.lag, size, matches, first.tracks, here, known=True)
+                self._blocks[-1] = block_of(last.lag, size, matches, first.tracks, here, known=True)
 
     def _restart(self, recent: int, tau: float) -> None:
         """Keeps the windows after a slip only."""

@@ -26,7 +26,7 @@ STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 8, 0.01)
 RETURN_PX = 0.3
 """How far a point may land from where it started when followed forth and back: three times a good track's noise."""
 
-RENEW_FRAMES = 5
+RENEW_FRAMES = 6
 """New corners are sought at least this often, so that what enters or starts to move is seen within a step's delay."""
 
 
