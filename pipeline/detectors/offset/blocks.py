@@ -28,9 +28,10 @@ class Block:
     """The matches of one pairing of pictures: n points, in working pixels unless said otherwise.
 
     index: slot of the first camera's picture. lag: whole frames between the paired pictures. u, v: positions in widths.
-    dx, dy: displacements to the other picture. path: n x 4, the polynomial of a point's way across the rows in frames. along: its speed along the rows.
-    speed_variance: squared standard errors of the speed across the rows. cut_px: how far points jumped, if they did, in
-    a cut or a gap, about which nothing is known between the two frames. age: frames a point has been followed.
+    dx, dy: displacements to the other picture. path: n x 4, the polynomial of a point's way across the rows in frames.
+    along: its speed along the rows. speed_variance: squared standard errors of the speed across the rows. cut_px: how
+    far points jumped, if they did, in a cut or a gap, about which nothing is known between the two frames. age: frames
+    a point has been followed.
     """
 
     index: int

@@ -21,7 +21,7 @@ a few windows wanders by up to a half where motion is curved."""
 GAIN = 20.0
 """Log likelihood by which a slip must fit better: twenty points' worth, which a handful of false tracks cannot give."""
 
-GRID = np.arange(-1.5, 1.51, 0.25)
+GRID = np.arange(-1.5, 1.51, 0.5)
 """Offsets that are compared, in frames from the pairing: motion is known from a frame before to a frame after."""
 
 
