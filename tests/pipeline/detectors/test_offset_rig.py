@@ -72,9 +72,7 @@ def test_a_share_of_a_core_leaves_windows_out_and_says_so(tmp_path):
         WALK + "detectors: {offset: {cpu_percent: 1}}\nsinks: {jsonl: {path: out.jsonl}}\n"
     )
     assert syncwatch("run", "rig.yaml", cwd=tmp_path).returncode == 0
-    reasons = [
-        json.loads(line)["evidence"]["offset"]["reason"] for line in (tmp_path / "out.jsonl").read_text().splitlines()
-    ]
+    reasons = [line["evidence"]["offset"]["reason"] for line in lines_of((tmp_path / "out.jsonl").read_text())]
     assert sum(reason == "not looked at: over 1 % of a core" for reason in reasons) > len(reasons) / 2
 
 
