@@ -17,14 +17,31 @@ from pipeline.detectors.offset.settings import OffsetSettings
 from pipeline.detectors.spatial import SpatialDetector, SpatialSettings
 from pipeline.detectors.timestamp import TimestampDetector, TimestampSettings
 from pipeline.errors import InputError
-from pipeline.faults.base import Fault, FaultSettings
+from pipeline.faults.base import Fault
 from pipeline.faults.content_shift import ContentShift, ContentShiftSettings
+from pipeline.faults.dark import Dark, DarkSettings
 from pipeline.faults.drop import Drop, DropSettings
+from pipeline.faults.frame_repeat import FrameRepeat, FrameRepeatSettings
+from pipeline.faults.free_run import FreeRun, FreeRunSettings
 from pipeline.faults.frozen import Frozen, FrozenSettings
+from pipeline.faults.knock import Knock, KnockSettings
+from pipeline.faults.missing import Dead, DeadSettings, Truncate, TruncateSettings
 from pipeline.faults.seq_offset import SeqOffset, SeqOffsetSettings
+from pipeline.faults.seq_wrap import SeqWrap, SeqWrapSettings
 from pipeline.faults.slip import Slip, SlipSettings
 from pipeline.faults.source import FaultedSource
 from pipeline.faults.stamp_drift import StampDrift, StampDriftSettings
+from pipeline.faults.stamps import (
+    CopyStamp,
+    CopyStampSettings,
+    StampJitter,
+    StampJitterSettings,
+    StampOffset,
+    StampOffsetSettings,
+    StampRepeat,
+    StampRepeatSettings,
+)
+from pipeline.faults.swap import Swap, SwapSettings
 from pipeline.frame import NS_PER_MS, Camera, Detector, Pair, Renderer, Rig, Source
 from pipeline.judge import Judge
 from pipeline.plan import Kind, Kinds, Plan
@@ -81,6 +98,18 @@ KINDS = Kinds(
             "drop": Kind(DropSettings, lambda s, c, seed, _: Drop(s, c, seed)),
             "frozen": Kind(FrozenSettings, lambda s, c, seed, _: Frozen(s, c, seed)),
             "stamp_drift": Kind(StampDriftSettings, lambda s, c, seed, _: StampDrift(s, c, seed)),
+            "stamp_offset": Kind(StampOffsetSettings, lambda s, c, seed, _: StampOffset(s, c, seed)),
+            "stamp_jitter": Kind(StampJitterSettings, lambda s, c, seed, _: StampJitter(s, c, seed)),
+            "stamp_repeat": Kind(StampRepeatSettings, lambda s, c, seed, _: StampRepeat(s, c, seed)),
+            "copy_stamp": Kind(CopyStampSettings, lambda s, c, seed, _: CopyStamp(s, c, seed)),
+            "free_run": Kind(FreeRunSettings, lambda s, c, seed, _: FreeRun(s, c, seed)),
+            "frame_repeat": Kind(FrameRepeatSettings, lambda s, c, seed, _: FrameRepeat(s, c, seed)),
+            "seq_wrap": Kind(SeqWrapSettings, lambda s, c, seed, _: SeqWrap(s, c, seed)),
+            "swap": Kind(SwapSettings, lambda s, c, seed, _: Swap(s, c, seed)),
+            "truncate": Kind(TruncateSettings, lambda s, c, seed, _: Truncate(s, c, seed)),
+            "knock": Kind(KnockSettings, lambda s, c, seed, _: Knock(s, c, seed)),
+            "dark": Kind(DarkSettings, lambda s, c, seed, _: Dark(s, c, seed)),
+            "dead": Kind(DeadSettings, lambda s, c, seed, _: Dead(s, c, seed)),
         },
         "detectors": {
             "timestamp": Kind(
@@ -123,7 +152,7 @@ def build_source(
     def make_faults(cameras: Sequence[Camera]) -> list[Fault]:
         return [_fault(plan, index, cameras, renderer) for index in range(len(plan.faults))]
 
-    return FaultedSource(source, make_faults, plan.config.buffer)
+    return FaultedSource(source, make_faults, plan.config.buffer, renderer)
 
 
 def build_rig(plan: Plan, cameras: Sequence[Camera]) -> Rig:
@@ -192,8 +221,13 @@ def _fault(plan: Plan, index: int, cameras: Sequence[Camera], renderer: Renderer
     chosen = plan.faults[index]
     settings = chosen.settings
     names = [camera.name for camera in cameras]
-    if isinstance(settings, FaultSettings) and settings.camera is not None and settings.camera not in names:
-        raise plan.document.error([_no_camera(("faults", index, "camera"), settings.camera, names)])
+    problems = [
+        _no_camera(("faults", index, key), name, names)
+        for key in ("camera", "of", "partner")
+        if (name := getattr(settings, key, None)) is not None and name not in names
+    ]
+    if problems:
+        raise plan.document.error(problems)
     fault: Fault = chosen.build(settings, tuple(cameras), plan.config.seed, renderer)
     return fault
 

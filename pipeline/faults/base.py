@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import random
 from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from pydantic import Field, model_validator
 
 from pipeline.errors import InputError
-from pipeline.frame import NS_PER_S, Camera, Frame, Renderer
+from pipeline.frame import NS_PER_S, Camera, Frame
 from pipeline.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
 class TimedSlot:
-    """What the rig's own pairing put together, and how long after its first frame, before any fault."""
+    """What the rig's own pairing put together, and how long after its first frame, before any fault.
+
+    repeated: the cameras whose frame is delivered twice.
+    """
 
     stream_ns: int
     frames: dict[str, Frame | None]
+    repeated: frozenset[str] = frozenset()
 
 
 class FaultSettings(Settings):
@@ -42,18 +45,19 @@ class FaultSettings(Settings):
 
 
 class Fault(ABC):
-    """Bends one camera's frames while it is active; the groups they were delivered in stay as they are."""
+    """Bends one camera's frames while it is active; the groups they were delivered in stay as they are.
+
+    Raises InputError for a camera that the rig does not have.
+    """
 
     def __init__(self, kind: str, settings: FaultSettings, cameras: Iterable[Camera], seed: int) -> None:
-        by_name = {camera.name: camera for camera in cameras}
-        if len(by_name) < 2:
-            raise InputError(f"fault {kind}: the source has one camera only: two or more are needed")
-        name = settings.camera or list(by_name)[1]
-        if name not in by_name:
-            raise InputError(f"fault {kind}: no camera '{name}': this rig has {', '.join(by_name)}")
+        self._cameras = {camera.name: camera for camera in cameras}
         self.kind = kind
-        self.camera = by_name[name]
-        self.random = random.Random(f"{seed}/{name}/{settings!r}")
+        if len(self._cameras) < 2:
+            raise InputError(f"fault {kind}: the source has one camera only: two or more are needed")
+        self.camera = self.camera_named(list(self._cameras)[1] if settings.camera is None else settings.camera)
+        own = settings.model_copy(update={"camera": self.camera.name})
+        self._chance_key = f"{seed}/{kind}/{own!r}"
         self._start_ns = round(settings.start_s * NS_PER_S)
         self._stop_ns = None if settings.stop_s is None else round(settings.stop_s * NS_PER_S)
 
@@ -64,88 +68,66 @@ class Fault(ABC):
     def active(self, slot: TimedSlot) -> bool:
         return slot.stream_ns >= self._start_ns and (self._stop_ns is None or slot.stream_ns < self._stop_ns)
 
+    def camera_named(self, name: str) -> Camera:
+        if name not in self._cameras:
+            raise InputError(f"fault {self.kind}: no camera '{name}': this rig has {', '.join(self._cameras)}")
+        return self._cameras[name]
+
+    def partner_named(self, key: str, name: str | None) -> Camera:
+        """Another camera than the fault's own, by default the rig's first."""
+        others = (other for other in self._cameras if other != self.camera.name)
+        partner = self.camera_named(next(others) if name is None else name)
+        if partner is self.camera:
+            raise InputError(f"fault {self.kind}: {key}: '{partner.name}' is the camera itself: name another one")
+        return partner
+
+    def chance(self, frame: Frame) -> random.Random:
+        """Chance that depends on the seed, the fault, its camera and the slot, not on what was read before."""
+        return random.Random(f"{self._chance_key}/{frame.group}")
+
+    def marked(self, frame: Frame) -> Frame:
+        """The frame with this fault's kind noted as acting on it."""
+        if frame.truth is None or self.kind in frame.truth.faults:
+            return frame
+        return replace(frame, truth=replace(frame.truth, faults=(*frame.truth.faults, self.kind)))
+
     def with_frame(self, slot: TimedSlot, frame: Frame | None) -> TimedSlot:
         """The slot with another frame of this fault's camera, marked as tampered with."""
-        if frame is not None and frame.truth is not None and self.kind not in frame.truth.faults:
-            frame = replace(frame, truth=replace(frame.truth, faults=(*frame.truth.faults, self.kind)))
-        return TimedSlot(slot.stream_ns, {**slot.frames, self.camera.name: frame})
+        return replace(slot, frames={**slot.frames, self.camera.name: frame and self.marked(frame)})
 
 
-class FrameFault(Fault):
-    """A fault that bends one frame at a time."""
+class SlotFault(Fault):
+    """A fault that bends one slot at a time."""
 
     def apply(self, slots: Iterable[TimedSlot]) -> Iterator[TimedSlot]:
         for slot in slots:
-            frame = slot.frames[self.camera.name]
-            if frame is not None and self.active(slot):
-                yield self.with_frame(slot, self.bend(frame))
-            else:
-                yield slot
+            yield self.bend_slot(slot) if self.active(slot) else slot
 
     @abstractmethod
-    def bend(self, frame: Frame) -> Frame | None:
+    def bend_slot(self, slot: TimedSlot) -> TimedSlot:
+        """What becomes of an active slot."""
+
+
+class FrameFault(SlotFault):
+    """A fault that bends one frame at a time."""
+
+    def bend_slot(self, slot: TimedSlot) -> TimedSlot:
+        frame = slot.frames[self.camera.name]
+        return slot if frame is None else self.with_frame(slot, self.bend(frame))
+
+    @abstractmethod
+    def bend(self, frame: Frame, /) -> Frame | None:
         """What becomes of an active frame; None drops it."""
 
 
-class ShiftFault(Fault):
-    """A fault that puts something of frame n + `frames` into slot n; fractions are rendered."""
+class EveryNth:
+    """Counts active frames."""
 
-    def __init__(
-        self,
-        kind: str,
-        settings: FaultSettings,
-        cameras: Iterable[Camera],
-        seed: int,
-        frames: float,
-        renderer: Renderer | None,
-    ) -> None:
-        super().__init__(kind, settings, cameras, seed)
-        self._frames = frames
-        self._renderer = renderer
-        self._whole = float(frames).is_integer()
-        if not self._whole and renderer is None:
-            raise InputError(
-                f"fault {kind}: frames: {frames} is not a whole number, and only rendered pictures "
-                "(source.type: synthetic) can be shifted by a fraction of a frame"
-            )
+    def __init__(self, every: int) -> None:
+        self._every = every
+        self._seen = 0
 
-    @abstractmethod
-    def combine(self, frame: Frame, other: Frame) -> Frame:
-        """Slot n's frame with what this fault takes from the moment `frames` later."""
-
-    def apply(self, slots: Iterable[TimedSlot]) -> Iterator[TimedSlot]:
-        ahead = max(int(self._frames), 0) if self._whole else 0
-        behind = max(-int(self._frames), 0) if self._whole else 0
-        around: deque[TimedSlot | None] = deque([None] * (behind + ahead), maxlen=behind + ahead + 1)
-        endless = (*[None] * ahead,)
-        for slot in _chain(slots, endless):
-            around.append(slot)
-            if len(around) == behind + ahead + 1 and (current := around[behind]) is not None:
-                yield self._shifted(current, around[behind + int(self._frames)] if self._whole else current)
-
-    def _shifted(self, slot: TimedSlot, other: TimedSlot | None) -> TimedSlot:
-        frame = slot.frames[self.camera.name]
-        if frame is None or not self.active(slot):
-            return slot
-        if self._whole:
-            donor = other.frames[self.camera.name] if other is not None else None
-        else:
-            donor = self._rendered(frame)
-        return self.with_frame(slot, None if donor is None else self.combine(frame, donor))
-
-    def _rendered(self, frame: Frame) -> Frame:
-        assert self._renderer is not None
-        assert frame.truth is not None
-        shift_ns = round(self._frames * self.camera.period_ns)
-        shown_ns = frame.truth.shown_ns + shift_ns
-        return replace(
-            frame,
-            captured_ns=frame.captured_ns + shift_ns,
-            image=self._renderer.picture_at(self.camera.name, shown_ns),
-            truth=replace(frame.truth, shown_ns=shown_ns),
-        )
-
-
-def _chain(slots: Iterable[TimedSlot], tail: Iterable[None]) -> Iterator[TimedSlot | None]:
-    yield from slots
-    yield from tail
+    def next_is_due(self) -> bool:
+        """Counts one more and says whether it is the n-th, 2n-th, ..."""
+        self._seen += 1
+        return self._seen % self._every == 0

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal
 
 from pydantic import Field
 
-from pipeline.faults.base import FaultSettings, ShiftFault
+from pipeline.faults.base import FaultSettings
+from pipeline.faults.moment import with_picture_of
+from pipeline.faults.shift import MAX_FRAMES, ShiftFault
 from pipeline.frame import Frame
 
 
@@ -15,7 +16,7 @@ class ContentShiftSettings(FaultSettings):
     """frames: how much later the picture's moment is than its slot's; negative = stale."""
 
     type: Literal["content_shift"] = "content_shift"
-    frames: float = Field(default=-1, ge=-300, le=300)
+    frames: float = Field(default=-1, ge=-MAX_FRAMES, le=MAX_FRAMES)
 
 
 class ContentShift(ShiftFault):
@@ -26,4 +27,4 @@ class ContentShift(ShiftFault):
     """
 
     def combine(self, frame: Frame, other: Frame) -> Frame:
-        return replace(frame, image=other.image, truth=other.truth)
+        return with_picture_of(frame, other)

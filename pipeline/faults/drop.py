@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.faults.base import FaultSettings, FrameFault, TimedSlot
+from pipeline.faults.base import EveryNth, FaultSettings, FrameFault, TimedSlot
 from pipeline.frame import Camera, Frame
 
 
@@ -36,26 +36,26 @@ class Drop(FrameFault):
 
     def __init__(self, settings: DropSettings, cameras: tuple[Camera, ...], seed: int) -> None:
         super().__init__(settings.type, settings, cameras, seed)
-        self._settings = settings
-        self._seen = 0
+        self._renumber = settings.renumber
+        self._probability = settings.probability
+        self._nth = None if settings.every is None else EveryNth(settings.every)
         self._lost = 0
 
     def apply(self, slots: Iterable[TimedSlot]) -> Iterator[TimedSlot]:
         for slot in super().apply(slots):
             frame = slot.frames[self.camera.name]
-            if frame is not None and self._settings.renumber and frame.sequence is not None:
+            if frame is not None and self._renumber and frame.sequence is not None:
                 # A counter that has missed frames does not catch up when the losses end.
                 frame = replace(frame, sequence=frame.sequence - self._lost)
-            yield TimedSlot(slot.stream_ns, {**slot.frames, self.camera.name: frame})
+            yield replace(slot, frames={**slot.frames, self.camera.name: frame})
 
     def bend(self, frame: Frame) -> Frame | None:
-        self._seen += 1
-        if not self._is_lost():
+        if not self._is_lost(frame):
             return frame
         self._lost += 1
         return None
 
-    def _is_lost(self) -> bool:
-        if self._settings.every is not None:
-            return self._seen % self._settings.every == 0
-        return self.random.random() < (self._settings.probability or 0)
+    def _is_lost(self, frame: Frame) -> bool:
+        if self._nth is not None:
+            return self._nth.next_is_due()
+        return self.chance(frame).random() < (self._probability or 0)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal
 
 from pipeline.faults.base import FaultSettings, FrameFault
+from pipeline.faults.moment import stood_still, with_picture_of
 from pipeline.frame import Camera, Frame
 
 
@@ -26,5 +26,5 @@ class Frozen(FrameFault):
         self._still: Frame | None = None
 
     def bend(self, frame: Frame) -> Frame:
-        self._still = self._still or frame
-        return replace(frame, image=self._still.image, truth=self._still.truth)
+        self._still = self._still or stood_still(frame)
+        return with_picture_of(frame, self._still)

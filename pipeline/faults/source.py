@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from pipeline.buffer import BufferSettings, make_pairer
 from pipeline.faults.base import Fault, TimedSlot
-from pipeline.frame import Camera, Frame, Source, Truth
+from pipeline.faults.moment import plain, retakable
+from pipeline.frame import Camera, Frame, Renderer, Source, Truth
 from pipeline.pairing import Slot
 
 
@@ -19,6 +20,7 @@ class FaultedSource:
     frame: where the source does not know it, the recording is assumed to have been in sync.
 
     make_faults: called once the source is open, when its cameras are known. pairing: as in the rig's own buffer.
+    renderer: what rendered the source's frames, if they are rendered and the source is not it itself.
     """
 
     def __init__(
@@ -26,8 +28,10 @@ class FaultedSource:
         source: Source,
         make_faults: Callable[[Sequence[Camera]], Sequence[Fault]],
         pairing: BufferSettings | None = None,
+        renderer: Renderer | None = None,
     ) -> None:
         self._source = source
+        self._renderer = source if renderer is None and isinstance(source, Renderer) else renderer
         self._pairing = pairing or BufferSettings()
         self._make_faults = make_faults
         self._faults: Sequence[Fault] = ()
@@ -57,7 +61,9 @@ class FaultedSource:
         for fault in self._faults:
             slots = fault.apply(slots)
         for slot in slots:
-            yield from (frame for frame in slot.frames.values() if frame is not None)
+            for name, frame in slot.frames.items():
+                if frame is not None:
+                    yield from [plain(frame)] * (2 if name in slot.repeated else 1)
 
     def stop(self) -> None:
         self._source.stop()
@@ -70,8 +76,16 @@ class FaultedSource:
         for index, slot in enumerate(paired_slots(self._source, self._pairing)):
             if any(frame is not None for frame in slot.values()):
                 stream_ns = clock.tell(slot)
-                frames = {name: frame and _prepared(frame, index, stream_ns) for name, frame in slot.items()}
+                frames = {name: frame and self._prepared(frame, index, stream_ns) for name, frame in slot.items()}
                 yield TimedSlot(stream_ns, frames)
+
+    def _prepared(self, frame: Frame, index: int, stream_ns: int) -> Frame:
+        frame = replace(
+            frame,
+            group=index if frame.group is None else frame.group,
+            truth=frame.truth or Truth(stream_ns, assumed=True),
+        )
+        return frame if self._renderer is None else retakable(frame, self._renderer)
 
 
 def paired_slots(source: Source, pairing: BufferSettings) -> Iterator[Slot]:
@@ -102,11 +116,3 @@ class StreamClock:
             self._zero_ns.setdefault(frame.camera, frame.captured_ns - stream_ns)
         self._last_ns = stream_ns
         return stream_ns
-
-
-def _prepared(frame: Frame, index: int, stream_ns: int) -> Frame:
-    return replace(
-        frame,
-        group=index if frame.group is None else frame.group,
-        truth=frame.truth or Truth(stream_ns, assumed=True),
-    )

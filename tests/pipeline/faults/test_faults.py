@@ -2,73 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from pipeline.assemble import KINDS
 from pipeline.buffer import BufferSettings
 from pipeline.errors import InputError
-from pipeline.faults.base import Fault
 from pipeline.faults.source import FaultedSource
-from pipeline.frame import Camera, Frame, Picture, Truth
-from tests.frames import PERIOD_NS, frame
-
-COUNT = 10
-
-
-class Scripted:
-    """Two cameras, ten frames; the picture, stamp and id of frame n all say n."""
-
-    live = False
-    frame_count = COUNT
-
-    def __init__(self, *, grouped: bool = True) -> None:
-        self.cameras: Sequence[Camera] = (Camera("left", 10), Camera("right", 10))
-        self.closed = False
-        self._grouped = grouped
-
-    def open(self) -> None:
-        pass
-
-    def frames(self) -> Iterator[Frame]:
-        for n in range(COUNT):
-            for camera in self.cameras:
-                group = n + 100 if self._grouped else None
-                yield frame(camera.name, n * PERIOD_NS, n, group=group, image=np.full((2, 2), n, np.uint8))
-
-    def stop(self) -> None:
-        pass
-
-    def close(self) -> None:
-        self.closed = True
-
-
-class Rendered(Scripted):
-    """The same, but any moment can be shown: the picture is the moment in tenths of a period."""
-
-    def frames(self) -> Iterator[Frame]:
-        for item in super().frames():
-            yield replace(item, truth=Truth(item.captured_ns))
-
-    def picture_at(self, camera: str, shown_ns: int) -> Picture:
-        return np.full((2, 2), 10 * shown_ns // PERIOD_NS, np.uint8)
-
-
-def faulted(*faults: dict[str, Any], source: Scripted | None = None, seed: int = 0) -> FaultedSource:
-    inner = source or Scripted()
-    renderer = inner if isinstance(inner, Rendered) else None
-
-    def make(cameras: Sequence[Camera]) -> list[Fault]:
-        kinds = [(KINDS.tables["faults"][fault["type"]], fault) for fault in faults]
-        return [
-            kind.build(kind.settings.model_validate(fault), tuple(cameras), seed, renderer) for kind, fault in kinds
-        ]
-
-    return FaultedSource(inner, make)
+from pipeline.frame import Frame
+from tests.frames import PERIOD_NS
+from tests.pipeline.faults.streams import COUNT, Rendered, Scripted, faulted
 
 
 def right(*faults: dict[str, Any], **options: Any) -> dict[int, tuple[int, int | None, int]]:
@@ -77,13 +23,6 @@ def right(*faults: dict[str, Any], **options: Any) -> dict[int, tuple[int, int |
     source.open()
     frames = [item for item in source.frames() if item.camera == "right"]
     return {item.group: (item.captured_ns // PERIOD_NS, item.sequence, int(item.image[0, 0])) for item in frames}
-
-
-def left(*faults: dict[str, Any]) -> list[tuple[int, int | None, int]]:
-    source = faulted(*faults)
-    source.open()
-    frames = [item for item in source.frames() if item.camera == "left"]
-    return [(item.captured_ns // PERIOD_NS, item.sequence, int(item.image[0, 0])) for item in frames]
 
 
 CLEAN = {100 + n: (n, n, n) for n in range(COUNT)}
@@ -146,12 +85,6 @@ def test_stamps_drift_from_the_onset_and_fast_is_positive():
     source.open()
     drifts = [item.captured_ns - item.sequence * PERIOD_NS for item in source.frames() if item.camera == "right"]
     assert drifts == [0, 0, *(n * PERIOD_NS // 1000 for n in range(8))]
-
-
-def test_the_other_camera_is_left_alone():
-    for name in KINDS.tables["faults"]:
-        fault = {"type": name, "start_s": 0.2, **({"every": 2} if name == "drop" else {})}
-        assert left(fault) == list(CLEAN.values()), name
 
 
 def test_the_camera_can_be_named():
