@@ -28,13 +28,6 @@ STATUS = {Conclusion.PROVED: DONE, Conclusion.CONTRADICTED: OUT_OF_SYNC, Conclus
 COLOUR = {Outcome.PASSED: "green", Outcome.FAILED: "bold red", Outcome.NOT_SHOWN: "yellow"}
 SAID = {Outcome.PASSED: "pass", Outcome.FAILED: "FAIL", Outcome.NOT_SHOWN: "not shown"}
 
-HEADLINE = {
-    Conclusion.PROVED: "[bold green]PASSED.[/] The detector agrees with itself on this footage.",
-    Conclusion.CONTRADICTED: "[bold red]FAILED.[/] The detector contradicts itself: do not rely on it on this footage.",
-    Conclusion.NOT_PROVED: "[bold yellow]NOTHING PROVED.[/] This footage decides too little to say whether the "
-    "detector can be believed on it. Record the rig while it moves, or something that moves before it.",
-}
-
 
 @dataclass(frozen=True, slots=True)
 class Footage:
@@ -114,19 +107,37 @@ def _progress() -> Iterator[Progress]:
 
 
 def show(proof: Proof, console: Console) -> None:
-    """Prints the tests as a table, then what they come to, for people."""
-    if proof.findings:
-        console.print(table(proof))
+    """Prints a table of tests for each pair and loop, then what they come to, for people."""
+    subjects = dict.fromkeys(finding.subject for finding in proof.findings)
+    for subject in subjects:
+        console.print(table(proof, subject, titled=len(subjects) > 1))
     for item in proof.summaries:
         console.print(f"{escape(proof.rig)}: {item.pair}: {escape(item.sentences(proof.period_ms))}")
-    console.print(f"{escape(proof.rig)}: {HEADLINE[proof.conclusion]}")
+    console.print(f"{escape(proof.rig)}: {headline(proof)}")
 
 
-def table(proof: Proof) -> Table:
-    """A row a test; the subject is left out where there is only one."""
-    many = len({finding.subject for finding in proof.findings}) > 1
-    made = Table("test", *(["pair"] if many else []), "result", "numbers", box=box.SIMPLE_HEAD)
+def headline(proof: Proof) -> str:
+    """What all tests together come to, with markup."""
+    failed, shown, missing = len(proof.failed), len(proof.shown), proof.without_proof
+    if proof.conclusion is Conclusion.PROVED:
+        return f"[bold green]PASSED.[/] In all {shown} tests that could be shown, the detector agrees with itself."
+    if proof.conclusion is Conclusion.CONTRADICTED:
+        return (
+            f"[bold red]FAILED.[/] In {failed} of {shown} tests the detector contradicts itself: "
+            "do not rely on it on this footage."
+        )
+    where = "" if len(missing) == len(proof.summaries) else f" about {', '.join(missing)}"
+    return (
+        f"[bold yellow]NOTHING CAN BE PROVED HERE{where}.[/] Too little could be decided to test the detector. "
+        "Record the rig while it moves, or something that moves before it."
+    )
+
+
+def table(proof: Proof, subject: str, *, titled: bool) -> Table:
+    """A row a test of one pair or loop."""
+    made = Table("test", "result", "numbers", box=box.SIMPLE_HEAD, title=subject if titled else None)
     for finding in proof.findings:
-        result = f"[{COLOUR[finding.outcome]}]{SAID[finding.outcome]}[/]"
-        made.add_row(finding.test, *([finding.subject] if many else []), result, escape(finding.text))
+        if finding.subject == subject:
+            result = f"[{COLOUR[finding.outcome]}]{SAID[finding.outcome]}[/]"
+            made.add_row(finding.test, result, escape(finding.text))
     return made

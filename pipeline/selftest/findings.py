@@ -41,9 +41,10 @@ class Outcome(str, Enum):
 class Row:
     """What the detector said of a pair in one window.
 
-    at_ns: the stamp of one and the same camera's frame, equal in all trials. offset, sigma: in frames of the rig's
-    first camera, nan where not measured; sigma is one standard error. truth: in frames; only its change from trial to
-    trial is known. numbers: what else the detector measured; those whose names end in `_frames` in the same frames.
+    at_ns, partner_ns: the stamps of the pair's first and second camera, the same in all trials. offset, sigma: in
+    frames of the rig's first camera, nan where not measured; sigma is one standard error. truth: in frames; only its
+    change from trial to trial is known. numbers: what else the detector measured; those whose names end in `_frames` in
+    the same frames.
     """
 
     at_ns: int
@@ -52,6 +53,7 @@ class Row:
     offset: float = nan
     sigma: float = nan
     truth: float = 0.0
+    partner_ns: int | None = None
     reason: str = ""
     numbers: Mapping[str, float] = field(default_factory=dict)
 
@@ -96,8 +98,7 @@ def too_few(count: int, windows: int) -> bool:
 def shifted(pair: str, plain: Sequence[Row], moved: Sequence[Row], frames: float) -> Finding:
     """Moving the second camera's pictures by `frames` against the first's must change the offset by as much."""
     samples = [Sample(b.offset - a.offset, hypot(a.sigma, b.sigma)) for a, b in _together(plain, moved)]
-    text = f"the offset changed by {{value}} frames, {frames:+g} expected"
-    return _judged(f"shift by {frames:+g}", pair, samples, len(plain), frames, text)
+    return _judged(f"shift by {frames:+g}", pair, samples, len(plain), frames, "the offset changed by {value} frames")
 
 
 def swapped(pair: str, plain: Sequence[Row], reverse: Sequence[Row]) -> Finding:
@@ -129,10 +130,13 @@ def halves(pair: str, plain: Sequence[Row], one: str, other: str, *, alike: bool
 
 
 def loop(names: Sequence[str], first: Sequence[Row], second: Sequence[Row], across: Sequence[Row]) -> Finding:
-    """Round three cameras a, b, c the offsets must close: a-b and b-c add up to a-c."""
+    """Round three cameras a, b, c the offsets must close: a-b and b-c add up to a-c.
+
+    Each pair must have been measured by itself: in a rig of three cameras the detector makes its loops close.
+    """
     a, b, c = names
-    later = {row.at_ns: row for row in second if row.decided}
-    closing = [(ab, later[ab.at_ns], ac) for ab, ac in _together(first, across) if ab.at_ns in later]
+    later: dict[int | None, Row] = {row.at_ns: row for row in second if row.decided}
+    closing = [(ab, later[ab.partner_ns], ac) for ab, ac in _together(first, across) if ab.partner_ns in later]
     samples = [Sample(ab.offset + bc.offset - ac.offset, hypot(ab.sigma, bc.sigma, ac.sigma)) for ab, bc, ac in closing]
     text = f"{a}-{b} and {b}-{c} less {a}-{c} leave {{value}} frames"
     return _judged("loop", f"{a}-{b}-{c}", samples, len(first), 0.0, text)

@@ -22,7 +22,6 @@ from pipeline.selftest.trials import (
     middle_s,
     moves,
     open_footage,
-    plain_trial,
     run,
     run_all,
 )
@@ -53,17 +52,26 @@ class Proof:
     findings: tuple[Finding, ...]
 
     @property
+    def shown(self) -> tuple[Finding, ...]:
+        """The tests for which the footage decided enough."""
+        return tuple(finding for finding in self.findings if finding.outcome is not Outcome.NOT_SHOWN)
+
+    @property
+    def failed(self) -> tuple[Finding, ...]:
+        return tuple(finding for finding in self.findings if finding.outcome is Outcome.FAILED)
+
+    @property
     def conclusion(self) -> Conclusion:
         """Of the worst pair, as in `check`: a contradiction anywhere, else a pair without proof, else proved."""
-        if any(finding.outcome is Outcome.FAILED for finding in self.findings):
+        if self.failed:
             return Conclusion.CONTRADICTED
-        return Conclusion.PROVED if all(self.is_proved(item.pair) for item in self.summaries) else Conclusion.NOT_PROVED
+        return Conclusion.NOT_PROVED if self.without_proof else Conclusion.PROVED
 
-    def is_proved(self, pair: str) -> bool:
-        """Whether at least a shift and the swap could be shown, and nothing that could be contradicts them."""
-        of_pair = [finding for finding in self.findings if finding.subject == pair]
-        passed = {finding.test.split()[0] for finding in of_pair if finding.outcome is Outcome.PASSED}
-        return {"shift", "swap"} <= passed and not any(finding.outcome is Outcome.FAILED for finding in of_pair)
+    @property
+    def without_proof(self) -> tuple[str, ...]:
+        """The pairs for which not even a shift and the swap could be shown."""
+        shown = {(finding.subject, finding.test.split()[0]) for finding in self.shown}
+        return tuple(item.pair for item in self.summaries if not {(item.pair, "shift"), (item.pair, "swap")} <= shown)
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -84,13 +92,17 @@ def prove(make_plan: MakePlan, jobs: int, progress: Progress) -> Proof:
     rig, plain = _as_recorded(make_plan(), progress)
     summaries = tuple(summary(pair.name, plain[pair.name]) for pair in rig.pairs)
     worth_it = tuple(pair for pair, found in zip(rig.pairs, summaries, strict=True) if found.can_prove)
-    told = dict(run_all(make_plan, further_trials(worth_it, plain), jobs, progress)) if worth_it else {}
-    findings = [finding for pair in worth_it for finding in _findings(pair, rig, plain, told)]
-    closed = [
-        loop((ab.first, ab.second, ac.second), plain[ab.name], plain[bc.name], plain[ac.name])
-        for ab, bc, ac in loops(rig)
+    if not worth_it:
+        return Proof(rig.name, rig.cameras[0].period_ns / NS_PER_MS, summaries, ())
+    alone = {pair: Trial("alone", (pair,)) for of_loop in loops(rig) for pair in of_loop}
+    trials = further_trials(worth_it, plain)
+    told = dict(run_all(make_plan, [*trials, *alone.values()], jobs, progress))
+    findings = [finding for pair in worth_it for finding in _findings(pair, rig, plain, {t: told[t] for t in trials})]
+    by_itself = {pair: told[trial][pair.name] for pair, trial in alone.items()}
+    findings += [
+        loop((ab.first, ab.second, ac.second), by_itself[ab], by_itself[bc], by_itself[ac]) for ab, bc, ac in loops(rig)
     ]
-    return Proof(rig.name, rig.cameras[0].period_ns / NS_PER_MS, summaries, (*findings, *closed))
+    return Proof(rig.name, rig.cameras[0].period_ns / NS_PER_MS, summaries, tuple(findings))
 
 
 def _as_recorded(plan: Plan, progress: Progress) -> tuple[Rig, Rows]:
@@ -100,7 +112,7 @@ def _as_recorded(plan: Plan, progress: Progress) -> tuple[Rig, Rows]:
     except BaseException:
         source.close()
         raise
-    count, trial = source.frame_count, plain_trial(rig)
+    count, trial = source.frame_count, Trial("plain", rig.pairs)
     return rig, run(changed(plan, trial), source, trial, lambda frame: progress("as recorded", frame + 1, count))
 
 

@@ -18,8 +18,7 @@ from pipeline.assemble import KINDS, assemble, build_source
 from pipeline.config import PairSettings
 from pipeline.detectors.offset.settings import OffsetSettings
 from pipeline.errors import InputError
-from pipeline.faults.content_shift import ContentShiftSettings
-from pipeline.frame import NS_PER_MS, NS_PER_S, Pair, Rig, Source
+from pipeline.frame import NS_PER_MS, NS_PER_S, Camera, Frame, Pair, Rig, Source
 from pipeline.plan import Chosen, Plan
 from pipeline.run import Run
 from pipeline.selftest.findings import Row
@@ -41,23 +40,15 @@ Rows: TypeAlias = Mapping[str, Sequence[Row]]
 class Trial:
     """One way to run the footage.
 
-    pairs: what is compared; in a `swap`, each is looked at from its second camera. moves: by how many of its frames
-    each camera's pictures are moved, from `start_s` of the stream on.
+    pairs: what is compared; in a `swap`, each is looked at from its second camera; `alone`, the rig has no cameras but
+    those of the one pair. moves: by how many of its frames each camera's pictures are moved, from `start_s` of the
+    stream on.
     """
 
-    kind: Literal["plain", "shift", "swap", "slip"]
+    kind: Literal["plain", "shift", "swap", "slip", "alone"]
     pairs: tuple[Pair, ...]
     moves: Mapping[str, int] = field(default_factory=dict)
     start_s: float = 0.0
-
-
-def plain_trial(rig: Rig) -> Trial:
-    """The footage as it is, with the pairs it takes to close loops."""
-    wanted = {pair.name: pair for pair in rig.pairs}
-    for loop in loops(rig):
-        for pair in loop:
-            wanted.setdefault(pair.name, pair)
-    return Trial("plain", tuple(wanted.values()))
 
 
 def loops(rig: Rig) -> list[tuple[Pair, Pair, Pair]]:
@@ -75,6 +66,30 @@ def moves(pairs: Sequence[Pair]) -> dict[str, int]:
         nearest = sorted(range(-len(taken), len(taken) + 1), key=lambda step: (abs(step), -step))
         steps[name] = next(step for step in nearest if step not in taken)
     return steps
+
+
+class TwoCameras:
+    """Implements Source: the two cameras of a pair out of another source."""
+
+    def __init__(self, source: Source, pair: Pair) -> None:
+        self._source = source
+        self._names = (pair.first, pair.second)
+        self.open, self.stop, self.close = source.open, source.stop, source.close
+
+    @property
+    def cameras(self) -> Sequence[Camera]:
+        return [camera for camera in self._source.cameras if camera.name in self._names]
+
+    @property
+    def live(self) -> bool:
+        return self._source.live
+
+    @property
+    def frame_count(self) -> int | None:
+        return self._source.frame_count
+
+    def frames(self) -> Iterator[Frame]:
+        return (frame for frame in self._source.frames() if frame.camera in self._names)
 
 
 def open_footage(plan: Plan) -> Source:
@@ -128,13 +143,16 @@ def run(plan: Plan, source: Source, trial: Trial, on_frame: Callable[[int], None
     asked = {_name(pair, trial): pair for pair in trial.pairs}
     period_ns = {camera.name: camera.period_ns for camera in source.cameras}
     unit_ns = source.cameras[0].period_ns
+    if trial.kind == "alone":
+        source = TwoCameras(source, trial.pairs[0])
 
     def collect(verdict: Verdict) -> None:
         pair = asked[verdict.pair]
         stamp = verdict.captured_ns[pair.first]
         if verdict.frame is not None and stamp is not None:
             second = pair.first if trial.kind == "swap" else pair.second
-            rows[pair.name].append(row_of(verdict, verdict.frame, stamp, unit_ns, period_ns[second] / unit_ns))
+            row = row_of(verdict, unit_ns, period_ns[second] / unit_ns)
+            rows[pair.name].append(replace(row, at_ns=stamp, partner_ns=verdict.captured_ns[pair.second]))
             on_frame(verdict.frame)
 
     try:
@@ -146,19 +164,22 @@ def run(plan: Plan, source: Source, trial: Trial, on_frame: Callable[[int], None
     return rows
 
 
-def row_of(verdict: Verdict, frame: int, at_ns: int, unit_ns: int, scale: float) -> Row:
+def row_of(verdict: Verdict, unit_ns: int, scale: float) -> Row:
     """A verdict as a row, in frames of `unit_ns`; `scale` turns the detector's, the second camera's, into those."""
+    row = Row(
+        at_ns=0,
+        frame=verdict.frame or 0,
+        state=State.UNKNOWN,
+        truth=0.0 if verdict.truth is None else verdict.truth.offset_ns / unit_ns,
+    )
     said = next((item for item in verdict.evidence if item.detector == DETECTOR), None)
-    truth = 0.0 if verdict.truth is None else verdict.truth.offset_ns / unit_ns
     if said is None:
-        return Row(at_ns, frame, State.UNKNOWN, truth=truth)
-    return Row(
-        at_ns=at_ns,
-        frame=frame,
+        return row
+    return replace(
+        row,
         state=said.state,
         offset=nan if said.offset_frames is None else float(said.offset_frames) * scale,
         sigma=nan if said.sigma_frames is None else float(said.sigma_frames) * scale,
-        truth=truth,
         reason=said.reason,
         numbers={
             name: float(value) * (scale if name.endswith("_frames") else 1.0) for name, value in said.numbers.items()
@@ -179,7 +200,9 @@ def changed(plan: Plan, trial: Trial) -> Plan:
     )
     shift = KINDS.tables["faults"]["content_shift"]
     faults = [
-        Chosen(ContentShiftSettings(camera=camera, frames=frames, start_s=trial.start_s), shift.build)
+        Chosen(
+            shift.settings.model_validate({"camera": camera, "frames": frames, "start_s": trial.start_s}), shift.build
+        )
         for camera, frames in trial.moves.items()
         if frames
     ]
@@ -193,10 +216,14 @@ def changed(plan: Plan, trial: Trial) -> Plan:
 
 
 def _detector(plan: Plan) -> Chosen:
-    """The plan's own offset detector, else one with the default settings; it measures halves of the points, too."""
+    """The plan's own offset detector, else one with the default settings.
+
+    It measures halves of the points, too, has all the time it takes, so that every trial looks at the same windows, and
+    neither reads nor keeps what other runs learned of the rig.
+    """
     own = next((c.settings for c in plan.detectors.values() if isinstance(c.settings, OffsetSettings)), None)
-    given = own or OffsetSettings()
-    return Chosen(given.model_copy(update={"halves": True}), KINDS.tables["detectors"][DETECTOR].build)
+    settings = (own or OffsetSettings()).model_copy(update={"halves": True, "cpu_percent": 100.0, "rig": None})
+    return Chosen(settings, KINDS.tables["detectors"][DETECTOR].build)
 
 
 def middle_s(rows: Sequence[Row]) -> float:

@@ -12,7 +12,7 @@ from pipeline.faults.source import FaultedSource
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
 from tests.frames import texture
-from tests.pipeline.faults.streams import Scripted, delivered
+from tests.pipeline.faults.streams import Rendered, Scripted, delivered
 
 CLEAN = {"noise_sigma": 0}
 
@@ -125,3 +125,17 @@ def test_nothing_of_the_means_to_render_leaves_with_the_frames():
     )
     source.open()
     assert {type(item).__name__ for item in source.frames()} == {"Frame"}
+
+
+def test_a_frozen_picture_stands_still_however_it_is_rendered_anew():
+    free_run = {"type": "free_run", "ppm": -100_000}
+    for later in (free_run, {"type": "slip", "frames": 0.5}, {"type": "content_shift", "frames": -0.5}):
+        frames = delivered({"type": "frozen", "start_s": 0.3}, later, source=Rendered(), camera="right")
+        assert {(int(item.image[0, 0]), item.truth.shown_ns) for item in frames[3:]} == {(30, 300_000_000)}
+
+
+def test_faults_of_the_stamps_are_still_noted_where_the_picture_comes_from_elsewhere():
+    offset = {"type": "stamp_offset", "start_s": 0.5}
+    frames = delivered(offset, {"type": "content_shift", "frames": -1}, camera="right")
+    first = next(item for item in frames if item.group == 105)
+    assert set(first.truth.faults) == {"stamp_offset", "content_shift"}

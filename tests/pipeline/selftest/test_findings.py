@@ -16,7 +16,7 @@ def told(offsets, sigma=0.01, state=None, truth=0.0, **numbers):
             rows.append(Row(index, index, State.UNKNOWN))
             continue
         said = state or (State.SYNC if abs(offset) < 0.1 else State.ASYNC)
-        rows.append(Row(index, index, said, offset, sigma, truth, numbers=numbers))
+        rows.append(Row(index, index, said, offset, sigma, truth, partner_ns=index, numbers=numbers))
     return rows
 
 
