@@ -43,11 +43,13 @@ from pipeline.faults.stamps import (
 )
 from pipeline.faults.swap import Swap, SwapSettings
 from pipeline.frame import NS_PER_MS, Camera, Detector, Pair, Renderer, Rig, Source
+from pipeline.health.observer import Observer
 from pipeline.judge import Judge
 from pipeline.plan import Kind, Kinds, Plan
 from pipeline.run import Parts
 from pipeline.status import StatusKeeper
-from pipeline.verdict import Level, Sink, Verdict
+from pipeline.steady import CONFIRM, WEIGHED
+from pipeline.verdict import Level, Report, Sink
 from sinks.console import ConsoleSettings, ConsoleSink
 from sinks.jsonl import JsonlSettings, JsonlSink
 from sinks.zenoh import ZenohSettings, ZenohSink
@@ -182,18 +184,19 @@ def assemble(
     source: Source,
     *,
     console: TextIO,
-    on_verdict: Callable[[Verdict], None] = lambda _: None,
+    on_report: Callable[[Report], None] = lambda _: None,
     wall_ns: Callable[[], int] = time.time_ns,
     monotonic_ns: Callable[[], int] = time.monotonic_ns,
 ) -> Parts:
     """Everything a run needs, around a source that is open.
 
-    console: where sinks that talk to people print.
+    console: where sinks that talk to people print. on_report: called with everything that sinks get, before they do.
     """
     rig = build_rig(plan, source.cameras)
     config = plan.config
     context = SinkContext(plan, rig, source.frame_count, console)
     classic = config.judge.combine == "classic"
+    confirm = CONFIRM if classic else WEIGHED
     detectors: Mapping[str, Detector] = {
         name: chosen.build(chosen.settings, name=name, rig=rig, classic=classic, plan=plan)
         for name, chosen in plan.detectors.items()
@@ -202,6 +205,7 @@ def assemble(
     return Parts(
         source=source,
         buffer=WindowBuffer(rig.cameras, config.buffer),
+        observer=Observer(rig.cameras),
         detectors=detectors,
         judge=Judge(config.judge, rig, trust_stamps=getattr(plan.source.settings, "trust_stamps", False)),
         status=StatusKeeper(
@@ -210,10 +214,11 @@ def assemble(
             version=version(),
             wall_ns=wall_ns,
             monotonic_ns=monotonic_ns,
+            confirm=confirm,
         ),
-        conditions=Conditions(rig, wall_ns),
+        conditions=Conditions(rig, wall_ns, confirm=confirm),
         sinks=sinks,
-        on_verdict=on_verdict,
+        on_report=on_report,
     )
 
 

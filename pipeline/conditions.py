@@ -1,153 +1,178 @@
-"""Turns the stream of verdicts into changes that last, and changes into events with an onset and an end."""
+"""Makes events, with an onset and an end, of what lasts: pairs out of sync, and what is amiss with cameras."""
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from pipeline.frame import Rig
-from pipeline.verdict import Event, State, Verdict, ms
+from pipeline.frame import NS_PER_MS, Rig
+from pipeline.health.observer import Observation
+from pipeline.notes import Note
+from pipeline.steady import CONFIRM, Change, Steady, alike
+from pipeline.verdict import Cause, Event, State, Verdict, ms
+from pipeline.words import describe, drift_ppm
 
-CONFIRM = 5
-"""Verdicts in a row that make a change: a detector that errs on one frame in three does so five times in a row in less
-than one case in a hundred, and at 30 fps a fault is still told within 0.2 s."""
+CAMERA_CONDITIONS = {
+    Note.DARK: "sees nothing: its pictures are dark",
+    Note.SATURATED: "is dazzled: half of its picture or more is clipped",
+    Note.BLURRED: "has become blurred against its own past",
+}
+"""Conditions of a camera that are events of their own; being frozen or missing is told of its pairs."""
 
-
-@dataclass(frozen=True, slots=True)
-class Change:
-    """A state that has lasted: the verdicts that confirmed it, and the time of day of the first of them."""
-
-    state: State
-    verdicts: tuple[Verdict, ...]
-    since_ns: int
-
-    @property
-    def first(self) -> Verdict:
-        return self.verdicts[0]
+LASTING_WINDOWS = 5
+"""Windows in a row with or without a condition that begin or end its event: a single black frame is no event."""
 
 
-class Steady:
-    """The state of one pair without flicker: it changes when the same other state was said CONFIRM times in a row.
+@dataclass(slots=True)
+class _Counted:
+    """One condition of a camera: windows in a row that differ from what its event says, and since when."""
 
-    A frame that cannot be judged speaks neither for nor against a change: it is passed over, unless so many follow each
-    other that not being able to tell is itself what lasts.
-    """
-
-    def __init__(self) -> None:
-        self.state: State | None = None
-        self._candidates: list[Verdict] = []
-        self._since_ns = 0
-        self._unknowns: list[Verdict] = []
-        self._unknown_since_ns = 0
-
-    def add(self, verdict: Verdict, now_ns: int = 0) -> Change | None:
-        """Takes the pair's next verdict, said at `now_ns`; returns the change it confirms, if any."""
-        if verdict.state is State.UNKNOWN:
-            return self._cannot_tell(verdict, now_ns)
-        self._unknowns.clear()
-        if self._candidates and self._candidates[0].state is not verdict.state:
-            self._candidates.clear()
-        if verdict.state is self.state:
-            return None
-        if not self._candidates:
-            self._since_ns = now_ns
-        self._candidates.append(verdict)
-        if len(self._candidates) < CONFIRM:
-            return None
-        return self._change(self._candidates, self._since_ns)
-
-    def _cannot_tell(self, verdict: Verdict, now_ns: int) -> Change | None:
-        if not self._unknowns:
-            self._unknown_since_ns = now_ns
-        if len(self._unknowns) < CONFIRM:
-            self._unknowns.append(verdict)
-        if len(self._unknowns) < CONFIRM:
-            return None
-        self._candidates.clear()
-        if self.state is State.UNKNOWN:
-            return None
-        return self._change(self._unknowns, self._unknown_since_ns)
-
-    def _change(self, verdicts: list[Verdict], since_ns: int) -> Change:
-        change = Change(verdicts[0].state, tuple(verdicts), since_ns)
-        self.state = change.state
-        verdicts.clear()
-        return change
+    windows: int = 0
+    since_ns: int = 0
 
 
 class Conditions:
     """Opens an event when a pair is out of sync to stay and closes it when it is in sync again; `unknown` does neither.
 
-    wall_ns: the time of day in nanoseconds since 1970, for `since` and `until`.
+    Another cause, or an offset that has jumped, ends an event and begins the next. wall_ns: the time of day in nanoseconds since 1970, for
+    `since` and `until`. confirm: verdicts in a row that make a change.
     """
 
-    def __init__(self, rig: Rig, wall_ns: Callable[[], int]) -> None:
+    def __init__(self, rig: Rig, wall_ns: Callable[[], int], *, confirm: int = CONFIRM) -> None:
         self._rig = rig.name
         self._expected_ns = {pair.name: pair.expected_offset_ns for pair in rig.pairs}
         self._wall_ns = wall_ns
         self._run = uuid.uuid4().hex[:4]
         self._count = 0
-        self._steady: dict[str, Steady] = {}
-        self._open: dict[str, Event] = {}
+        self._steady = {pair.name: Steady(confirm) for pair in rig.pairs}
+        self._open: dict[tuple[str, str], Event] = {}
+        self._told: dict[str, Verdict] = {}
+        self._counted: dict[tuple[str, str], _Counted] = {}
+
+    @property
+    def open(self) -> Sequence[Event]:
+        """The events that have begun and not ended."""
+        return list(self._open.values())
 
     def add(self, verdict: Verdict) -> list[Event]:
         """Takes a verdict; returns the events that begin or end with it."""
-        if verdict.pair in self._open and verdict.state is State.ASYNC:
-            event = self._open[verdict.pair]
-            worst_ns = self._worse(verdict.pair, event.worst_offset_ns, verdict.offset_ns)
-            self._open[verdict.pair] = replace(event, worst_offset_ns=worst_ns)
-        change = self._steady.setdefault(verdict.pair, Steady()).add(verdict, self._wall_ns())
-        if change is None:
+        key = ("async", verdict.pair)
+        if key in self._open and verdict.state is State.ASYNC:
+            self._open[key] = replace(self._open[key], worst=self._worse(self._open[key].worst, verdict))
+        change = self._steady[verdict.pair].add(verdict, self._wall_ns())
+        if change is None or change.state is State.UNKNOWN:
             return []
-        if change.state is State.ASYNC and verdict.pair not in self._open:
-            return [self._onset(change)]
-        if change.state is State.SYNC and verdict.pair in self._open:
-            return [self._end(verdict.pair, change.since_ns, change.first.frame)]
-        return []
+        ended = self._changed_end(key, change) if key in self._open else []
+        begun = [self._onset(change)] if change.state is State.ASYNC and key not in self._open else []
+        return [*ended, *begun]
+
+    def observe(self, seen: Observation) -> list[Event]:
+        """Takes what is known of the health of the cameras; returns the events that begin or end with it."""
+        events = []
+        for camera, lasting in seen.lasting.items():
+            for note, words in CAMERA_CONDITIONS.items():
+                key = (note.value, camera)
+                counted = self._counted.setdefault(key, _Counted())
+                if (note in lasting) == (key in self._open):
+                    counted.windows = 0
+                    continue
+                if not counted.windows:
+                    counted.since_ns = self._wall_ns()
+                counted.windows += 1
+                if counted.windows >= LASTING_WINDOWS:
+                    counted.windows = 0
+                    text = f"{camera} {words}"
+                    events.append(self._flip(key, text, counted.since_ns, camera=camera))
+        return events
+
+    def tell(self, kind: str, pair: str, phase: str, worst: Mapping[str, float | None], text: str) -> Event | None:
+        """An event of a pair whose onset and end something else has found; None for an end without onset."""
+        key = (kind, pair)
+        if (phase == "onset") == (key in self._open):
+            return None
+        event = self._flip(key, text, self._wall_ns(), pair=pair, camera=pair.rpartition("-")[2])
+        event = replace(event, worst=worst or event.worst)
+        if phase == "onset":
+            self._open[key] = event
+        return event
 
     def finish(self) -> list[Event]:
         """Closes what is open when the run ends."""
         now_ns = self._wall_ns()
-        return [self._end(pair, now_ns, None) for pair in list(self._open)]
+        return [self._end(key, now_ns, f"{self._what(key)} to the end") for key in list(self._open)]
 
-    def _onset(self, change: Change) -> Event:
+    def _what(self, key: tuple[str, str]) -> str:
+        kind, whom = key
+        return f"{whom} was {'out of sync' if kind == 'async' else kind.replace('_', ' ')}"
+
+    def _flip(
+        self, key: tuple[str, str], text: str, since_ns: int, *, pair: str | None = None, camera: str | None = None
+    ) -> Event:
+        """Ends the event if it is open, else begins it."""
+        if key in self._open:
+            return self._end(key, since_ns, f"{key[1]}: {key[0].replace('_', ' ')} no more")
+        return self._begin(key, text, since_ns, pair=pair, camera=camera)
+
+    def _begin(
+        self,
+        key: tuple[str, str],
+        text: str,
+        since_ns: int,
+        *,
+        pair: str | None,
+        camera: str | None,
+        cause: Cause | None = None,
+        worst: Mapping[str, float | None] | None = None,
+    ) -> Event:
         self._count += 1
-        verdict = change.verdicts[-1]
-        worst_ns: int | None = None
-        for said in change.verdicts:
-            worst_ns = self._worse(verdict.pair, worst_ns, said.offset_ns)
         event = Event(
             rig=self._rig,
             id=f"{self._run}-{self._count}",
-            kind="async",
+            kind=key[0],
             phase="onset",
-            pair=verdict.pair,
-            camera=verdict.pair.rpartition("-")[2],
-            cause=verdict.cause,
-            since_ns=change.since_ns,
+            pair=pair,
+            camera=camera,
+            cause=cause,
+            since_ns=since_ns,
             until_ns=None,
-            worst_offset_ns=worst_ns,
-            text=f"{describe_offset(verdict)} since frame {change.first.frame}",
+            worst=worst or {},
+            text=text,
         )
-        self._open[verdict.pair] = event
+        self._open[key] = event
         return event
 
-    def _worse(self, pair: str, one_ns: int | None, other_ns: int | None) -> int | None:
-        """The offset that is further from what is expected of the pair."""
-        known = [value for value in (one_ns, other_ns) if value is not None]
-        return max(known, key=lambda value: abs(value - self._expected_ns[pair]), default=None)
+    def _onset(self, change: Change) -> Event:
+        verdict = self._told[change.last.pair] = change.last
+        worst: Mapping[str, float | None] = {}
+        for said in change.verdicts:
+            worst = self._worse(worst, said)
+        since = "" if change.first.frame is None else f" since frame {change.first.frame}"
+        return self._begin(
+            ("async", verdict.pair),
+            f"{describe(verdict)}{since}",
+            change.since_ns,
+            pair=verdict.pair,
+            camera=verdict.camera or verdict.pair.rpartition("-")[2],
+            cause=verdict.cause,
+            worst=worst,
+        )
 
-    def _end(self, pair: str, now_ns: int, frame: int | None) -> Event:
-        event = self._open.pop(pair)
-        text = f"{pair} in sync again from frame {frame}" if frame is not None else f"{pair} was out of sync to the end"
-        return replace(event, phase="end", until_ns=now_ns, text=text)
+    def _worse(self, worst: Mapping[str, float | None], verdict: Verdict) -> Mapping[str, float | None]:
+        """With the offset that is further from what is expected of the pair, and the drift if that is the cause."""
+        expected_ms = self._expected_ns[verdict.pair] / NS_PER_MS
+        known = [value for value in (worst.get("offset_ms"), ms(verdict.offset_ns)) if value is not None]
+        offset_ms = max(known, key=lambda value: abs(value - expected_ms), default=None)
+        drift = {"drift_ppm": drift_ppm(verdict)} if verdict.cause is Cause.FREE_RUN else {}
+        return {**worst, "offset_ms": offset_ms, **drift}
 
+    def _changed_end(self, key: tuple[str, str], change: Change) -> list[Event]:
+        if change.state is State.SYNC:
+            since = "" if change.first.frame is None else f" from frame {change.first.frame}"
+            return [self._end(key, change.since_ns, f"{key[1]} in sync again{since}")]
+        if alike(self._told[key[1]], change.last):
+            return []
+        return [self._end(key, change.since_ns, f"{key[1]} is out of sync in another way from now on")]
 
-def describe_offset(verdict: Verdict) -> str:
-    """For people: which camera is how much later or earlier than which."""
-    first, _, second = verdict.pair.rpartition("-")
-    offset = ms(verdict.offset_ns)
-    if not offset:
-        return f"{first} and {second} are out of sync"
-    return f"{second} is {abs(offset):.1f} ms {'later' if offset > 0 else 'earlier'} than {first}"
+    def _end(self, key: tuple[str, str], now_ns: int, text: str) -> Event:
+        return replace(self._open.pop(key), phase="end", until_ns=now_ns, text=text)

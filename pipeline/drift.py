@@ -33,6 +33,15 @@ rare (Student's t)."""
 DEPARTING = 4
 """Blocks in a row off the line by which the past is found not to hold any more: two seconds."""
 
+TICK_NS = 1000.0
+"""Stamps of many clocks are whole microseconds: nothing smaller is a departure."""
+
+STRAIGHT = 8
+BENT = 8.0
+"""Blocks that show a line of their own, and how many times nearer to it than to the line through all they must lie: by
+chance in less than one series of ten million (F distribution with 6 degrees of freedom), and still rarely where noise
+has a memory."""
+
 SURE_SIGMAS = 4
 """Standard errors by which a drift is told from none: it is asked twice a second, for days."""
 
@@ -155,8 +164,9 @@ class DriftEstimator:
     def _close_block(self) -> None:
         self._blocks.append(_Block(*_location(np.array(self._pending)), self._stretch))
         self._pending.clear()
-        if self._departed():
-            self._blocks = self._blocks[-DEPARTING:]
+        kept = DEPARTING if self._departed() else STRAIGHT if self._bent() else 0
+        if kept:
+            self._blocks = self._blocks[-kept:]
             self._block_ns = BLOCK_NS
             self._lines.clear()
         self._make_room()
@@ -171,7 +181,17 @@ class DriftEstimator:
         off = np.array([block.x - old.at(block.t) for block in last])
         reach = np.hypot(old.scatter, old.slope_sigma * (last[-1].t - old.centre))
         one_side = bool((off > 0).all() or (off < 0).all())
-        return one_side and float(np.abs(off).min()) > SURE_SIGMAS * float(reach)
+        return one_side and float(np.abs(off).min()) > max(SURE_SIGMAS * float(reach), TICK_NS)
+
+    def _bent(self) -> bool:
+        """Whether the last blocks lie on a line of their own, which all blocks together are far off."""
+        last = np.array(self._blocks[-STRAIGHT:])
+        if len(self._blocks) < STRAIGHT + DEPARTING or len(set(last[:, 3])) > 1:
+            return False
+        own = np.polyfit(last[:, 0] - last[0, 0], last[:, 1], 1, full=True)[1]
+        own_scatter = float(np.sqrt(own[0] / (STRAIGHT - 2))) if len(own) else 0.0
+        line = _fit(np.array(self._blocks))
+        return line is not None and line.scatter > max(BENT * own_scatter, TICK_NS)
 
     def _make_room(self) -> None:
         if len(self._blocks) <= MOST_BLOCKS:

@@ -5,17 +5,20 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from pipeline.buffer import WindowBuffer
 from pipeline.conditions import Conditions
 from pipeline.errors import RunError, SyncwatchError
 from pipeline.frame import NS_PER_S, Detector, Source, Window
+from pipeline.health.observer import Observation, Observer
 from pipeline.judge import Judge
 from pipeline.queues import BoundedQueue, QueueClosedError
 from pipeline.status import StatusKeeper
-from pipeline.verdict import Evidence, Report, Sink, Verdict
+from pipeline.verdict import Event, Evidence, Report, Sink, Verdict
 
 log = logging.getLogger("syncwatch.run")
 
@@ -34,18 +37,26 @@ PATIENCE_S = 10.0
 """How long a sink may take to start or to finish, and a source to stop, before it is given up."""
 
 
+class Seen(NamedTuple):
+    """A window and what is known of the cameras' health at it."""
+
+    window: Window
+    observation: Observation
+
+
 @dataclass(slots=True)
 class Parts:
     """Everything a run is made of, built by the assembly."""
 
     source: Source
     buffer: WindowBuffer
+    observer: Observer
     detectors: Mapping[str, Detector]
     judge: Judge
     status: StatusKeeper
     conditions: Conditions
     sinks: Mapping[str, Sink]
-    on_verdict: Callable[[Verdict], None] = field(default=lambda _: None)
+    on_report: Callable[[Report], None] = field(default=lambda _: None)
 
 
 class SinkThread:
@@ -132,12 +143,14 @@ class Run:
         self._parts = parts
         self._monotonic_ns = monotonic_ns
         live = parts.source.live
-        self._windows: BoundedQueue[Window] = BoundedQueue(WINDOWS_AHEAD, wait=not live)
+        self._windows: BoundedQueue[Seen] = BoundedQueue(WINDOWS_AHEAD, wait=not live)
         self._sinks = [SinkThread(name, sink, wait=sink.lossless and not live) for name, sink in parts.sinks.items()]
         self._reader = threading.Thread(target=self._read, name="source", daemon=True)
         self._source_failure: SyncwatchError | None = None
         self._stopping = False  # a plain flag: a signal handler may set it at any moment
         self._status_due_ns = monotonic_ns()
+        self._live = live
+        self._silence_due_ns = 0
         self._stop_at_ns = None if stop_after_s is None else monotonic_ns() + round(stop_after_s * NS_PER_S)
 
     def stop(self) -> None:
@@ -206,13 +219,12 @@ class Run:
 
     def _read(self) -> None:
         """The source's thread: frames in, windows out."""
-        buffer = self._parts.buffer
+        parts = self._parts
         try:
-            for frame in self._parts.source.frames():
-                for window in buffer.push(frame):
-                    self._windows.put(window)
-            for window in buffer.flush():
-                self._windows.put(window)
+            for frame in parts.source.frames():
+                parts.observer.push(frame)
+                self._hand_on(parts.buffer.push(frame))
+            self._hand_on(parts.buffer.flush())
         except QueueClosedError:
             pass
         except BaseException as error:  # a user's own source may raise anything
@@ -221,13 +233,15 @@ class Run:
         finally:
             self._windows.close()
 
+    def _hand_on(self, windows: Iterable[Window]) -> None:
+        for window in windows:
+            ended = getattr(self._parts.source, "ended", ())
+            self._windows.put(Seen(window, self._parts.observer.see(window, ended)))
+
     def _flush_after_failure(self) -> None:
         """What was read before the failure is judged."""
-        try:
-            for window in self._parts.buffer.flush():
-                self._windows.put(window)
-        except QueueClosedError:
-            pass
+        with suppress(QueueClosedError):
+            self._hand_on(self._parts.buffer.flush())
 
     def _detect(self) -> None:
         """The detection loop. Raises RunError when a detector or sink fails."""
@@ -244,28 +258,43 @@ class Run:
             if stop_by is not None and time.monotonic() > stop_by and self._reader.is_alive():
                 raise RunError(f"the source did not stop within {PATIENCE_S:.0f} s")
             try:
-                window = self._windows.get(timeout_s=POLL_S)
+                seen = self._windows.get(timeout_s=POLL_S)
             except TimeoutError:
+                self._listen()
                 self._report_status_if_due()
                 continue
             except QueueClosedError:
                 return
-            self._handle(window)
+            self._handle(seen.window, seen.observation)
 
-    def _handle(self, window: Window) -> None:
+    def _listen(self) -> None:
+        """No window has come: live cameras may all be silent."""
+        now_ns = self._monotonic_ns()
+        if not self._live or now_ns < self._silence_due_ns:
+            return
+        said = self._parts.judge.silence(Observation(lasting=self._parts.observer.tick(now_ns)))
+        if said:
+            self._silence_due_ns = now_ns + NS_PER_S
+            self._tell(said)
+
+    def _handle(self, window: Window, observation: Observation) -> None:
         parts = self._parts
-        parts.status.see(window)
+        parts.status.hear()
         evidence: list[Evidence] = []
         for name, detector in parts.detectors.items():
             try:
                 evidence += detector.observe(window)
             except Exception as error:  # a user's own detector may raise anything
                 raise _explained(f"detector '{name}' failed at window {window.index}", error) from error
-        changed = False
-        for verdict in parts.judge.judge(window, evidence):
-            parts.on_verdict(verdict)
+        self._tell(parts.judge.judge(window, evidence, observation), parts.conditions.observe(observation))
+
+    def _tell(self, verdicts: Sequence[Verdict], events: Sequence[Event] = ()) -> None:
+        parts = self._parts
+        changed = bool(events)
+        for verdict in verdicts:
             changed |= parts.status.add(verdict)
             self._report_all([verdict, *parts.conditions.add(verdict)])
+        self._report_all(events)
         if changed:
             self._report_status()
         else:
@@ -273,6 +302,7 @@ class Run:
 
     def _report_all(self, reports: Sequence[Report]) -> None:
         for report in reports:
+            self._parts.on_report(report)
             for sink in self._sinks:
                 sink.put(report)
 
@@ -282,7 +312,10 @@ class Run:
 
     def _report_status(self) -> None:
         self._status_due_ns = self._monotonic_ns() + STATUS_EVERY_NS
-        self._report_all([self._parts.status.status(self._parts.buffer.counters, self._windows.dropped)])
+        parts = self._parts
+        warnings = [event.text for event in parts.conditions.open if event.kind != "async"]
+        status = parts.status.status(parts.buffer.counters, parts.observer.report(), warnings, self._windows.dropped)
+        self._report_all([status])
 
     def _stop_reading(self) -> list[SyncwatchError]:
         try:

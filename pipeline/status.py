@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
-from pipeline.conditions import Steady, describe_offset
-from pipeline.frame import NS_PER_S, Rig, Window
+from pipeline.frame import NS_PER_S, Rig
+from pipeline.health.camera import CameraReport
 from pipeline.pairing import Counters
-from pipeline.verdict import CameraStatus, Level, PairStatus, State, Status, Verdict
-
-RATE_FRAMES = 31
-"""Stamps over which a frame rate is measured: a second at 30 fps."""
+from pipeline.steady import CONFIRM, Steady
+from pipeline.verdict import CameraStatus, Level, Pace, PairStatus, State, Status, Verdict
+from pipeline.words import describe
 
 STALE_NS = 5 * NS_PER_S
 STALE_PERIODS = 5
@@ -22,11 +20,12 @@ STALE_PERIODS = 5
 @dataclass(slots=True)
 class _PairState:
     since_ns: int
-    steady: Steady = field(default_factory=Steady)
+    steady: Steady
     shown: Verdict | None = None
     alarm: Verdict | None = None
     verdicts: int = 0
     decided: int = 0
+    latest: Verdict | None = None
 
 
 class StatusKeeper:
@@ -43,6 +42,7 @@ class StatusKeeper:
         version: str,
         wall_ns: Callable[[], int],
         monotonic_ns: Callable[[], int],
+        confirm: int = CONFIRM,
     ) -> None:
         self._rig = rig
         self._unknown_is = unknown_is
@@ -51,19 +51,16 @@ class StatusKeeper:
         self._monotonic_ns = monotonic_ns
         self._started_ns = self._heard_ns = monotonic_ns()
         self._stale_ns = max(STALE_NS, STALE_PERIODS * max(camera.period_ns for camera in rig.cameras))
-        self._pairs = {pair.name: _PairState(wall_ns()) for pair in rig.pairs}
-        self._stamps: Mapping[str, deque[int]] = {camera.name: deque(maxlen=RATE_FRAMES) for camera in rig.cameras}
+        self._pairs = {pair.name: _PairState(wall_ns(), Steady(confirm)) for pair in rig.pairs}
 
-    def see(self, window: Window) -> None:
-        """Takes note of a window's stamps."""
+    def hear(self) -> None:
+        """Takes note that a window has come."""
         self._heard_ns = self._monotonic_ns()
-        for name, triple in window.cameras.items():
-            if triple.current is not None:
-                self._stamps[name].append(triple.current.captured_ns)
 
     def add(self, verdict: Verdict) -> bool:
         """Takes note of a verdict; says whether the pair's lasting state, or its cause, has changed with it."""
         pair = self._pairs[verdict.pair]
+        pair.latest = verdict
         pair.verdicts += 1
         pair.decided += verdict.state is not State.UNKNOWN
         change = pair.steady.add(verdict, self._wall_ns())
@@ -77,9 +74,15 @@ class StatusKeeper:
             return change is not None or other_cause
         return change is not None
 
-    def status(self, counters: Counters, dropped_windows: int) -> Status:
-        """The rig as it stands now."""
-        level, reasons = self._level()
+    def status(
+        self,
+        counters: Counters,
+        health: Mapping[str, CameraReport],
+        warnings: Sequence[str] = (),
+        dropped_windows: int = 0,
+    ) -> Status:
+        """The rig as it stands now. warnings: what is amiss without a pair being out of sync."""
+        level, reasons = self._level(warnings)
         now_ns = self._monotonic_ns()
         return Status(
             rig=self._rig.name,
@@ -88,26 +91,22 @@ class StatusKeeper:
             reasons=reasons,
             pairs={name: _pair_status(pair) for name, pair in self._pairs.items()},
             cameras={
-                camera.name: CameraStatus(
-                    fps=_rate_hz(self._stamps[camera.name]),
-                    expected_fps=camera.fps,
-                    frames=counters.frames[camera.name],
-                    drops=counters.holes[camera.name],
-                )
-                for camera in self._rig.cameras
+                camera.name: _camera_status(health[camera.name], counters, camera.name) for camera in self._rig.cameras
             },
             version=self._version,
             uptime_s=(now_ns - self._started_ns) / NS_PER_S,
             dropped_windows=dropped_windows,
         )
 
-    def _level(self) -> tuple[Level, tuple[str, ...]]:
+    def _level(self, warnings: Sequence[str]) -> tuple[Level, tuple[str, ...]]:
         silent_ns = self._monotonic_ns() - self._heard_ns
         if silent_ns > self._stale_ns:
             return Level.STALE, (f"no frames for {silent_ns / NS_PER_S:.0f} s",)
         wrong = [pair for pair in self._pairs.values() if pair.alarm is not None]
         if wrong:
             return Level.ERROR, tuple(_complaint(pair) for pair in wrong)
+        if warnings:
+            return Level.WARN, tuple(warnings)
         unsure = [v for v in self._shown() if v.state is State.UNKNOWN]
         if unsure and self._unknown_is is not Level.OK:
             return self._unknown_is, tuple(
@@ -124,7 +123,7 @@ def _complaint(pair: _PairState) -> str:
     assert pair.alarm is not None
     cause = f" ({pair.alarm.cause.value})" if pair.alarm.cause else ""
     since = "; cannot tell any more" if pair.steady.state is State.UNKNOWN else ""
-    return f"{pair.alarm.pair}: {describe_offset(pair.alarm)}{cause}{since}"
+    return f"{pair.alarm.pair}: {describe(pair.alarm)}{cause}{since}"
 
 
 def _pair_status(pair: _PairState) -> PairStatus:
@@ -136,10 +135,20 @@ def _pair_status(pair: _PairState) -> PairStatus:
         offset_ns=shown.offset_ns if shown else None,
         sigma_ns=shown.sigma_ns if shown else None,
         coverage=pair.decided / pair.verdicts if pair.verdicts else 0.0,
+        drift=pair.latest.drift if pair.latest else Pace(),
     )
 
 
-def _rate_hz(stamps: deque[int]) -> float | None:
-    if len(stamps) < 2 or stamps[-1] <= stamps[0]:
-        return None
-    return (len(stamps) - 1) * NS_PER_S / (stamps[-1] - stamps[0])
+def _camera_status(health: CameraReport, counters: Counters, name: str) -> CameraStatus:
+    return CameraStatus(
+        fps=health.fps,
+        expected_fps=health.expected_fps,
+        frames=counters.frames[name],
+        drops=health.drops,
+        unpaired=counters.holes[name],
+        duplicates=health.duplicates,
+        restarts=health.restarts,
+        jitter_p50_ns=health.jitter_p50_ns,
+        jitter_p99_ns=health.jitter_p99_ns,
+        conditions=tuple(note.value for note in health.notes),
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from pipeline.conditions import CONFIRM, Steady
+from pipeline.steady import CONFIRM, Steady
 from pipeline.verdict import State, Verdict
 
 

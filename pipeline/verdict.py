@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any, Protocol, TypeAlias
 
@@ -32,7 +32,7 @@ class Basis(str, Enum):
 
 
 class Cause(str, Enum):
-    """Why a pair is out of sync."""
+    """Why a pair is out of sync; `CAUSE_WORDS` says it to people."""
 
     SLIP = "slip"
     PHASE = "phase"
@@ -42,16 +42,41 @@ class Cause(str, Enum):
     MISSING = "missing"
 
 
+CAUSE_WORDS = {
+    Cause.SLIP: "whole frames apart: stamps and pictures say so alike",
+    Cause.PHASE: "a constant part of a frame apart: the cameras are not triggered together",
+    Cause.STAMPS_LIE: "the pictures are apart although the stamps say otherwise",
+    Cause.FREE_RUN: "the cameras run at different rates and drift apart",
+    Cause.FROZEN: "one camera shows the same picture again and again while another sees things move",
+    Cause.MISSING: "a camera delivers nothing any more",
+}
+
+
 class Reason(str, Enum):
-    """Why nothing can be said of a pair."""
+    """Why nothing can be said of a pair; `REASON_WORDS` says it to people."""
 
     NO_MOTION = "no_motion"
     NO_OVERLAP = "no_overlap"
+    NO_TEXTURE = "no_texture"
     DARK = "dark"
     WARMING_UP = "warming_up"
     UNPAIRED = "unpaired"
     WIDE_ERROR = "wide_error"
+    STAMPS_DISPROVED = "stamps_disproved"
     NO_EVIDENCE = "no_evidence"
+
+
+REASON_WORDS = {
+    Reason.NO_MOTION: "nothing moves in a way that tells time",
+    Reason.NO_OVERLAP: "the cameras do not see the same things",
+    Reason.NO_TEXTURE: "there is nothing in the pictures to hold on to",
+    Reason.DARK: "a camera sees nothing",
+    Reason.WARMING_UP: "too little has been seen so far",
+    Reason.UNPAIRED: "the other camera's frame is missing",
+    Reason.WIDE_ERROR: "the pictures tell the offset too inexactly",
+    Reason.STAMPS_DISPROVED: "the pictures cannot tell, and they have shown before that the stamps are wrong",
+    Reason.NO_EVIDENCE: "there is no evidence that counts",
+}
 
 
 class Level(str, Enum):
@@ -69,7 +94,7 @@ class Evidence:
 
     offset_ns and offset_frames: the second camera against the first, positive = a later moment; None where not
     measured. sigma_*: one standard error. reason: a sentence for people. numbers: what the sentence rests on.
-    synthesised: the stamps it rests on were made up by the source, so it proves nothing.
+    synthesised: the stamps it rests on were made up by the source, so it proves nothing. silence: why it abstains.
     """
 
     pair: str
@@ -85,6 +110,7 @@ class Evidence:
     numbers: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     synthesised: bool = False
+    silence: Reason | None = None
 
     def to_json(self) -> Message:
         return {
@@ -109,11 +135,35 @@ class PairTruth:
 
 
 @dataclass(frozen=True, slots=True)
+class Pace:
+    """How fast the offset of a pair grows, as stamps and as pictures have it: ppm, 1 ppm = 1 us a second.
+
+    Positive: the second camera falls ever further behind. sigma: one standard error. None: not known yet, or no drift
+    that is more than chance.
+    """
+
+    stamps_ppm: float | None = None
+    stamps_sigma_ppm: float | None = None
+    pictures_ppm: float | None = None
+    pictures_sigma_ppm: float | None = None
+
+    def to_json(self) -> Message:
+        return {name: rounded(value, 3) for name, value in asdict(self).items()}
+
+
+class RangeError(Protocol):
+    """What the offset does to a range measured by stereo."""
+
+    def to_json(self) -> Message: ...
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """What the judge says of one pair at one frame of its first camera.
 
     frame: counts the first camera's frames from 0; None while that camera is silent.
     cause: None unless async. reason: None unless unknown.
+    camera: the one that is frozen or missing; None where only the pair can be blamed.
     sequence, captured_ns: by camera, None for a missing partner or counter.
     """
 
@@ -127,7 +177,10 @@ class Verdict:
     offset_ns: int | None = None
     sigma_ns: int | None = None
     offset_frames: float | None = None
+    camera: str | None = None
     tolerance_ns: int = 0
+    drift: Pace = field(default_factory=Pace)
+    range_error: RangeError | None = None
     content: Evidence | None = None
     evidence: tuple[Evidence, ...] = ()
     sequence: Mapping[str, int | None] = field(default_factory=dict)
@@ -152,12 +205,15 @@ class Verdict:
             "frame": self.frame,
             "state": self.state.value,
             "cause": self.cause and self.cause.value,
+            "camera": self.camera,
             "reason": self.reason and self.reason.value,
             "basis": self.basis.value,
             "offset_ms": ms(self.offset_ns),
             "offset_sigma_ms": ms(self.sigma_ns),
             "offset_frames": rounded(self.offset_frames),
             "tolerance_ms": ms(self.tolerance_ns),
+            "drift": self.drift.to_json(),
+            **({} if self.range_error is None else {"range_error": self.range_error.to_json()}),
             "content": best
             and {
                 "detector": best.detector,
@@ -177,7 +233,11 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Onset or end of a condition. `since_ns` and `until_ns` are wall-clock time; worst is the largest value so far."""
+    """Onset or end of a condition: a pair out of sync (`async`, with a cause), or a kind named by what was noticed.
+
+    `since_ns` and `until_ns` are wall-clock time. worst: the largest values so far, by name with the unit in it
+    (`offset_ms`, `drift_ppm`, `shift_px`, ...).
+    """
 
     rig: str
     id: str
@@ -188,7 +248,7 @@ class Event:
     cause: Cause | None
     since_ns: int
     until_ns: int | None
-    worst_offset_ns: int | None
+    worst: Mapping[str, float | None]
     text: str
 
     def to_message(self) -> Message:
@@ -203,7 +263,7 @@ class Event:
             "cause": self.cause and self.cause.value,
             "since_ns": self.since_ns,
             "until_ns": self.until_ns,
-            "worst": {"offset_ms": ms(self.worst_offset_ns)},
+            "worst": {name: rounded(value) for name, value in self.worst.items()},
             "text": self.text,
         }
 
@@ -218,6 +278,7 @@ class PairStatus:
     offset_ns: int | None
     sigma_ns: int | None
     coverage: float
+    drift: Pace = field(default_factory=Pace)
 
     def to_json(self) -> Message:
         return {
@@ -227,17 +288,28 @@ class PairStatus:
             "offset_ms": ms(self.offset_ns),
             "offset_sigma_ms": ms(self.sigma_ns),
             "coverage": rounded(self.coverage),
+            "drift": self.drift.to_json(),
         }
 
 
 @dataclass(frozen=True, slots=True)
 class CameraStatus:
-    """The current state of a camera; fps is measured on its stamps, None before two frames."""
+    """The current state of a camera.
+
+    fps: measured on its stamps, None before these tell it or where they are made up. drops: frames lost, by counter or
+    by time. unpaired: slots it did not fill. jitter: how far intervals are off the period. conditions: that last.
+    """
 
     fps: float | None
     expected_fps: float
     frames: int
     drops: int
+    unpaired: int = 0
+    duplicates: int = 0
+    restarts: int = 0
+    jitter_p50_ns: int | None = None
+    jitter_p99_ns: int | None = None
+    conditions: tuple[str, ...] = ()
 
     def to_json(self) -> Message:
         return {
@@ -245,6 +317,12 @@ class CameraStatus:
             "expected_fps": self.expected_fps,
             "frames": self.frames,
             "drops": self.drops,
+            "unpaired": self.unpaired,
+            "duplicates": self.duplicates,
+            "restarts": self.restarts,
+            "jitter_p50_ms": ms(self.jitter_p50_ns),
+            "jitter_p99_ms": ms(self.jitter_p99_ns),
+            "conditions": list(self.conditions),
         }
 
 

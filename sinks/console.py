@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from pipeline.conditions import Steady
 from pipeline.errors import RunError
 from pipeline.frame import NS_PER_S, Rig
 from pipeline.settings import Settings
+from pipeline.steady import Steady
 from pipeline.tally import PairTally, Tally
 from pipeline.verdict import Evidence, PairTruth, Report, State, Verdict, ms
 

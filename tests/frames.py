@@ -14,8 +14,8 @@ RIG = Rig("bench", (Camera("left", 10), Camera("right", 10)), (Pair("left", "rig
 
 
 def frame(camera: str, captured_ns: int, sequence: int | None = None, **fields: Any) -> Frame:
-    """A black 2 x 2 frame that arrives when it is captured, unless told otherwise."""
-    values = {"clock": "rig", "arrived_ns": captured_ns, "image": np.zeros((2, 2), np.uint8), **fields}
+    """A grey 2 x 2 frame that arrives when it is captured, unless told otherwise."""
+    values = {"clock": "rig", "arrived_ns": captured_ns, "image": np.full((2, 2), 128, np.uint8), **fields}
     return Frame(camera=camera, sequence=sequence, captured_ns=captured_ns, **values)
 
 

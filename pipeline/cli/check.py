@@ -13,7 +13,7 @@ from pipeline.cli.replay import recording_plan
 from pipeline.errors import InputError
 from pipeline.plan import Plan
 from pipeline.tally import Tally
-from pipeline.verdict import State
+from pipeline.verdict import State, Verdict
 
 STATUS = {State.SYNC: DONE, State.ASYNC: OUT_OF_SYNC, State.UNKNOWN: CANNOT_TELL}
 UNIT_S = {"ms": 0.001, "s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}
@@ -35,7 +35,7 @@ def check(path: tuple[str, ...], duration: str | None, fps: float | None, overri
     plan = _plan(path, fps, overrides)
     interrupted = execute(
         plan,
-        on_verdict=tally.add,
+        on_report=lambda report: tally.add(report) if isinstance(report, Verdict) else None,
         stop_after_s=None if duration is None else seconds(duration),
     )
     result = answer(tally)

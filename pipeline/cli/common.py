@@ -21,7 +21,7 @@ from pipeline.errors import InputError, RunError, SyncwatchError
 from pipeline.frame import Source
 from pipeline.plan import Plan, make_plan
 from pipeline.run import Run
-from pipeline.verdict import Verdict
+from pipeline.verdict import Report
 
 log = logging.getLogger("syncwatch.cli")
 
@@ -86,13 +86,13 @@ def open_source(plan: Plan) -> Source:
 def execute(
     plan: Plan,
     *,
-    on_verdict: Callable[[Verdict], None] = lambda _: None,
+    on_report: Callable[[Report], None] = lambda _: None,
     stop_after_s: float | None = None,
 ) -> int:
     """Runs the plan to its end. Returns 0, or 130 / 143 after SIGINT / SIGTERM. Raises SyncwatchError."""
     source = open_source(plan)
     try:
-        parts = assemble(plan, source, console=console_of(plan), on_verdict=on_verdict)
+        parts = assemble(plan, source, console=console_of(plan), on_report=on_report)
     except BaseException:
         source.close()
         raise

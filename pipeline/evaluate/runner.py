@@ -17,7 +17,7 @@ from pipeline.evaluate.subsample import SubsampledSource
 from pipeline.evaluate.suite import Clip
 from pipeline.frame import Source
 from pipeline.run import Run
-from pipeline.verdict import Verdict
+from pipeline.verdict import Report, Verdict
 
 
 def check(clips: Sequence[Clip]) -> None:
@@ -58,13 +58,15 @@ def evaluate_clip(clip: Clip) -> list[Score]:
     period_ns = period_of(fps)
     rows: dict[str, list[Row]] = {}
 
-    def collect(verdict: Verdict) -> None:
+    def collect(verdict: Report) -> None:
+        if not isinstance(verdict, Verdict):
+            return
         known = row(verdict, period_ns)
         if known is not None:
             rows.setdefault(verdict.pair, []).append(known)
 
     try:
-        Run(assemble(clip.plan(KINDS), source, console=io.StringIO(), on_verdict=collect)).execute()
+        Run(assemble(clip.plan(KINDS), source, console=io.StringIO(), on_report=collect)).execute()
     except RunError as error:
         raise RunError(f"{clip.label}: {error}") from None
     return [

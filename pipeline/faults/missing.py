@@ -28,6 +28,7 @@ class Truncate(Fault):
     def __init__(self, settings: TruncateSettings, cameras: tuple[Camera, ...], seed: int) -> None:
         super().__init__(settings.type, settings, cameras, seed)
         self._frames = settings.frames
+        self.ended = False
 
     def apply(self, slots: Iterable[TimedSlot]) -> Iterator[TimedSlot]:
         last: deque[TimedSlot] = deque()
@@ -35,6 +36,7 @@ class Truncate(Fault):
             last.append(slot)
             if len(last) > self._frames:
                 yield last.popleft()
+        self.ended = True
         for slot in last:
             yield self.with_frame(slot, None) if self.active(slot) else slot
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from pipeline.buffer import BufferSettings, make_pairer
 from pipeline.faults.base import Fault, TimedSlot
+from pipeline.faults.missing import Truncate
 from pipeline.faults.moment import plain, retakable
 from pipeline.frame import Camera, Frame, Renderer, Source, Truth
 from pipeline.pairing import Slot
@@ -47,6 +48,11 @@ class FaultedSource:
     @property
     def frame_count(self) -> int | None:
         return self._source.frame_count
+
+    @property
+    def ended(self) -> Collection[str]:
+        cut = {fault.camera.name for fault in self._faults if isinstance(fault, Truncate) and fault.ended}
+        return cut.union(getattr(self._source, "ended", ()))
 
     def open(self) -> None:
         self._source.open()

@@ -54,13 +54,17 @@ class RigHealth:
 
         Raises KeyError for a camera that the rig does not have.
         """
+        return (*self.take(frame), *self._places[frame.camera].health.lasting())
+
+    def take(self, frame: Frame) -> Sequence[Note]:
+        """The same without the lasting notes."""
         place = self._places[frame.camera]
         taken = place.health.take(frame)
         if taken.new:
             place.elapsed_ns += place.health.period_ns
             self._listen(frame.camera)
             self._judge_pictures(place)
-        return (*taken.notes, *place.health.lasting())
+        return taken.notes
 
     def tick(self, now_ns: int) -> Mapping[str, Sequence[Note]]:
         """Takes the host's monotonic time; the lasting notes of every camera. For live cameras only."""

@@ -25,7 +25,7 @@ from pipeline.frame import NS_PER_MS, NS_PER_S, Camera, Frame, Pair, Rig, Source
 from pipeline.plan import Chosen, Plan
 from pipeline.run import Run
 from pipeline.selftest.findings import Row
-from pipeline.verdict import State, Verdict
+from pipeline.verdict import Report, State, Verdict
 
 DETECTOR = "offset"
 
@@ -159,7 +159,9 @@ def run(plan: Plan, source: Source, trial: Trial, on_frame: Callable[[int], None
     if trial.kind == "alone":
         source = TwoCameras(source, trial.pairs[0])
 
-    def collect(verdict: Verdict) -> None:
+    def collect(verdict: Report) -> None:
+        if not isinstance(verdict, Verdict):
+            return
         pair = asked[verdict.pair]
         stamp = verdict.captured_ns[pair.first]
         if verdict.frame is not None and stamp is not None:
@@ -169,7 +171,7 @@ def run(plan: Plan, source: Source, trial: Trial, on_frame: Callable[[int], None
             on_frame(verdict.frame)
 
     try:
-        parts = assemble(plan, source, console=io.StringIO(), on_verdict=collect)
+        parts = assemble(plan, source, console=io.StringIO(), on_report=collect)
     except BaseException:
         source.close()
         raise

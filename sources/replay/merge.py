@@ -29,11 +29,15 @@ class _Lane:
 
 
 class Merge:
-    """One pass over all streams. `unmatched` counts frames by (camera, the camera that was not running then)."""
+    """One pass over all streams.
+
+    unmatched: counts frames by (camera, the camera that was not running then). ended: streams read to their end.
+    """
 
     def __init__(self, streams: Sequence[Stream]) -> None:
         self._streams = streams
         self.unmatched: Counter[tuple[str, str]] = Counter()
+        self.ended: set[str] = set()
 
     def entries(self) -> Generator[tuple[Stream, Entry], None, None]:
         """Every entry of every stream by group, else time; equal ones in the order of the streams.
@@ -53,6 +57,7 @@ class Merge:
                 self._compare(lane, lanes)
                 yield lane.stream, lane.head
                 lane.advance()
+                self.ended = {lane.stream.name for lane in lanes if lane.head is None}
 
     def said(self) -> str | None:
         """A sentence on frames for which another camera was not yet, or no longer, running."""

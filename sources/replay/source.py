@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -41,6 +41,7 @@ class ReplaySource:
         self._recording: Recording | None = None
         self._makers: dict[str, PictureMaker] = {}
         self._started: tuple[int, int] | None = None
+        self._merge: Merge | None = None
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
@@ -49,6 +50,10 @@ class ReplaySource:
     @property
     def frame_count(self) -> int | None:
         return None if self._settings.loop or not self._streams else self._streams[0].count
+
+    @property
+    def ended(self) -> Collection[str]:
+        return () if self._merge is None else self._merge.ended
 
     def open(self) -> None:
         """Recognises the recording and decodes the first picture of every camera."""
@@ -67,7 +72,7 @@ class ReplaySource:
         assert self._recording is not None, "open comes first"
         round_ = Round()
         while True:
-            merge = Merge(self._streams)
+            merge = self._merge = Merge(self._streams)
             with closing(merge.entries()) as entries:
                 for stream, entry in entries:
                     if self._stopped.is_set():

@@ -17,7 +17,7 @@ from tests.frames import RIG
 REPORTS = [
     Verdict("bench", "left-right", 0, State.SYNC, Basis.CONTENT, captured_ns={"left": 0, "right": None}),
     Verdict("bench", "left-right", None, State.ASYNC, Basis.NONE, cause=Cause.MISSING),
-    Event("bench", "a-1", "async", "onset", "left-right", "right", Cause.SLIP, 1, None, 33_000_000, "late"),
+    Event("bench", "a-1", "async", "onset", "left-right", "right", Cause.SLIP, 1, None, {"offset_ms": 33.0}, "late"),
     Event("bench", "a-1", "async", "end", "left-right", "right", Cause.SLIP, 1, 2, None, "in sync again"),
     Status("bench", 1, Level.ERROR, ("left-right: late",), {}, {}, "0", 1.0, 0),
 ]

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.conditions import CONFIRM, Conditions, Steady
+from pipeline.conditions import Conditions
+from pipeline.health.observer import Observation
+from pipeline.notes import Note
+from pipeline.steady import CONFIRM, Steady
 from pipeline.verdict import Basis, Cause, State, Verdict
-from tests.frames import RIG
+from tests.frames import PERIOD_NS, RIG
 
 LETTERS = {"s": State.SYNC, "a": State.ASYNC, "u": State.UNKNOWN}
 
@@ -69,18 +73,86 @@ def test_the_end_repeats_the_onset_and_adds_until_and_the_worst_value():
     onset, end = (event for verdict in verdicts("sssaaaaaasssss") for event in conditions.add(verdict))
     assert (end.id, end.since_ns, end.kind, end.camera) == (onset.id, 4, "async", "right")
     assert (onset.until_ns, end.until_ns) == (None, 10)
-    assert (onset.worst_offset_ns, end.worst_offset_ns) == (7_000_000, 8_000_000)
+    assert (onset.worst, end.worst) == ({"offset_ms": 7.0}, {"offset_ms": 8.0})
 
 
 def test_the_worst_value_is_the_worst_of_all_since_the_onset():
     conditions = Conditions(RIG, iter(range(1, 100)).__next__)
-    offsets = [0] * 6 + [200, 200, 200, 200, 10, 10] + [0] * 6
+    offsets = [0] * 6 + [200_000] * 4 + [10_000] * 2 + [0] * 6
     told = [
         replace(verdict, offset_ns=offset)
         for verdict, offset in zip(verdicts("s" * 6 + "a" * 6 + "s" * 6), offsets, strict=True)
     ]
     onset, end = (event for verdict in told for event in conditions.add(verdict))
-    assert (onset.worst_offset_ns, end.worst_offset_ns) == (200, 200)
+    assert (onset.worst, end.worst) == ({"offset_ms": 0.2}, {"offset_ms": 0.2})
+
+
+def said(frame: int, cause: Cause | None, offset_frames: float | None = None, camera: str | None = None) -> Verdict:
+    state = State.ASYNC if cause else State.SYNC
+    offset_ns = None if offset_frames is None else round(offset_frames * PERIOD_NS)
+    return Verdict(
+        "bench", "left-right", frame, state, Basis.CONTENT,
+        cause=cause, offset_ns=offset_ns, offset_frames=offset_frames, camera=camera,
+    )  # fmt: skip
+
+
+def told(stream: list[Verdict], confirm: int = 2) -> list[tuple[str, str | None, str]]:
+    conditions = Conditions(RIG, lambda: 0, confirm=confirm)
+    made = [event for verdict in stream for event in conditions.add(verdict)]
+    return [(event.phase, event.cause and event.cause.value, event.text) for event in made]
+
+
+def test_another_cause_ends_the_event_and_begins_the_next():
+    stream = [said(n, Cause.PHASE, 0.2) for n in range(6)] + [said(n, Cause.FREE_RUN, 0.3) for n in range(6, 12)]
+    assert [event[:2] for event in told(stream)] == [("onset", "phase"), ("end", "phase"), ("onset", "free_run")]
+
+
+def test_an_offset_that_jumps_is_told_and_one_that_creeps_is_not():
+    jumping = [said(n, Cause.SLIP, 1.0) for n in range(6)] + [said(n, Cause.SLIP, -1.0) for n in range(6, 12)]
+    assert [event[0] for event in told(jumping)] == ["onset", "end", "onset"]
+    assert told(jumping)[-1][2] == "right is 100.0 ms earlier than left since frame 6"
+    creeping = [said(n, Cause.FREE_RUN, 0.1 * n) for n in range(30)]
+    assert [event[0] for event in told(creeping)] == ["onset"]
+
+
+def test_what_was_told_is_not_told_again_after_a_while_of_not_knowing():
+    blind = [Verdict("bench", "left-right", n, State.UNKNOWN, Basis.NONE) for n in range(6, 20)]
+    stream = [said(n, Cause.SLIP, 1.0) for n in range(6)] + blind + [said(n, Cause.SLIP, 1.0) for n in range(20, 30)]
+    assert [event[0] for event in told(stream)] == ["onset"]
+
+
+@pytest.mark.parametrize(("cause", "words"), [(Cause.MISSING, "delivers nothing"), (Cause.FROZEN, "the same picture")])
+def test_a_missing_or_frozen_camera_is_told_at_once_and_named(cause, words):
+    conditions = Conditions(RIG, lambda: 0)
+    (event,) = conditions.add(said(7, cause, camera="left"))
+    assert (event.kind, event.camera, event.pair, event.cause) == ("async", "left", "left-right", cause)
+    assert event.text.startswith("left")
+    assert words in event.text
+
+
+def test_a_dark_camera_is_an_event_of_its_own_and_a_single_black_frame_is_none():
+    conditions = Conditions(RIG, lambda: 0)
+    dark, fine = Observation(lasting={"left": (), "right": (Note.DARK,)}), Observation(lasting={"left": (), "right": ()})
+    made = [event for seen in [fine, dark, fine, fine] + [dark] * 9 + [fine] * 9 for event in conditions.observe(seen)]
+    assert [(event.kind, event.phase, event.camera, event.pair) for event in made] == [
+        ("dark", "onset", "right", None),
+        ("dark", "end", "right", None),
+    ]
+    assert made[0].id == made[1].id
+    assert conditions.open == []
+
+
+def test_a_condition_found_elsewhere_has_one_onset_and_one_end():
+    conditions = Conditions(RIG, lambda: 5)
+    worst = {"rotation_deg": 0.5}
+    assert conditions.tell("geometry_shift", "left-right", "end", {}, "") is None
+    onset = conditions.tell("geometry_shift", "left-right", "onset", worst, "right was knocked")
+    assert onset is not None
+    assert (onset.pair, onset.camera, onset.worst, onset.text) == ("left-right", "right", worst, "right was knocked")
+    assert conditions.tell("geometry_shift", "left-right", "onset", worst, "again") is None
+    end = conditions.tell("geometry_shift", "left-right", "end", {}, "")
+    assert end is not None
+    assert (end.phase, end.id, end.worst, end.until_ns) == ("end", onset.id, worst, 5)
 
 
 @given(st.text("sau", max_size=60))

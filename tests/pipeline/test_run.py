@@ -15,6 +15,7 @@ from pipeline.conditions import Conditions
 from pipeline.detectors.timestamp import TimestampDetector, TimestampSettings
 from pipeline.errors import InputError, RunError
 from pipeline.frame import Detector, Frame, Window
+from pipeline.health.observer import Observer
 from pipeline.judge import Judge, JudgeSettings
 from pipeline.run import Parts, Run
 from pipeline.status import StatusKeeper
@@ -39,6 +40,7 @@ def run_of(
         Parts(
             source=ScriptedSource(RIG.cameras, steps, live=live),
             buffer=WindowBuffer(RIG.cameras, BufferSettings()),
+            observer=Observer(RIG.cameras),
             detectors={"timestamp": detector or timestamp},
             judge=Judge(JudgeSettings(), RIG),
             status=StatusKeeper(
@@ -279,12 +281,12 @@ def test_the_source_is_closed_after_the_run():
     assert run._parts.source.calls[-1] == "close"
 
 
-def test_an_alarm_stays_when_the_partner_dies():
+def test_a_partner_that_dies_is_told_in_place_of_the_alarm():
     left = [item for item in frames(20, 30) if item.camera == "left"]
     sink = ListSink()
     run_of([*frames(10), *frames(20, 10, PERIOD_NS), *left], sink).execute()
     assert sink.statuses[-1].level is Level.ERROR
-    assert sink.statuses[-1].reasons == ("left-right: right is 100.0 ms later than left (slip); cannot tell any more",)
+    assert sink.statuses[-1].reasons == ("left-right: right delivers nothing (missing)",)
 
 
 def test_an_abandoned_run_is_not_an_error_of_a_part():

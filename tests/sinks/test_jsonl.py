@@ -11,7 +11,7 @@ from pipeline.verdict import Basis, Event, Level, State, Status, Verdict
 from sinks.jsonl import JsonlSettings, JsonlSink
 
 VERDICT = Verdict("bench", "left-right", 3, State.SYNC, Basis.NONE)
-EVENT = Event("bench", "a-1", "async", "onset", "left-right", "right", None, 1, None, None, "late")
+EVENT = Event("bench", "a-1", "async", "onset", "left-right", "right", None, 1, None, {}, "late")
 STATUS = Status("bench", 1, Level.OK, (), {}, {}, "0", 1.0, 0)
 
 

@@ -23,7 +23,7 @@ from tests.programs import ROOT
 
 
 def event(number: int, rig: str = "cart") -> Event:
-    return Event(rig, f"x-{number}", "async", "onset", "a-b", "b", Cause.SLIP, number, None, 1000, f"event {number}")
+    return Event(rig, f"x-{number}", "async", "onset", "a-b", "b", Cause.SLIP, number, None, {"offset_ms": 1.0}, f"event {number}")
 
 
 def verdict(frame: int, state: State = State.SYNC) -> Verdict:

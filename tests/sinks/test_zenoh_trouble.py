@@ -21,7 +21,7 @@ from tests.programs import ROOT
 
 
 def event(number: int) -> Event:
-    return Event("cart", f"x-{number}", "async", "onset", "a-b", "b", Cause.SLIP, number, None, 1000, f"event {number}")
+    return Event("cart", f"x-{number}", "async", "onset", "a-b", "b", Cause.SLIP, number, None, {"offset_ms": 1.0}, f"event {number}")
 
 
 def verdict(frame: int) -> Verdict:

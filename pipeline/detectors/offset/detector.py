@@ -12,12 +12,13 @@ from pipeline.detectors.offset.loops import Edge, closed, measured_pairs
 from pipeline.detectors.offset.motion_signal import MotionSignal
 from pipeline.detectors.offset.pair import PairEstimator, View
 from pipeline.detectors.offset.settings import OffsetSettings
+from pipeline.detectors.offset.silence import Silence, reason_of
 from pipeline.detectors.offset.tracks import Flow, Tracker, Tracks
 from pipeline.detectors.offset.weigh import Finding, weigh
 from pipeline.detectors.offset.working import Working, work_on
 from pipeline.frame import NS_PER_MS, Pair, Rig, Triple, Window
 from pipeline.pictures import Memo
-from pipeline.verdict import Basis, Evidence, State
+from pipeline.verdict import Basis, Evidence, Reason, State
 
 ACCUSING = 3.0
 """Standard errors by which an offset must exceed the tolerance to be called out of sync; in sync takes two."""
@@ -127,7 +128,7 @@ class OffsetDetector:
     def _find(self, edge: Edge, window: Window) -> Finding:
         for camera in edge:
             if window.cameras[camera].current is None:
-                return Finding(None, None, f"no frame of {camera}")
+                return Finding(None, None, Silence(f"no frame of {camera}", Reason.UNPAIRED))
         estimator = self._estimators.get(edge) or self._start(edge, window)
         points = estimator.update(window.index, self._eyes[edge[0]].view, self._eyes[edge[1]].view)
         return weigh(points, estimator.signal)
@@ -148,7 +149,7 @@ class OffsetDetector:
         period_ns = self._rig.camera(pair.second).period_ns
         tolerance = self._tolerance_ns(period_ns) / period_ns
         away = abs(found.tau - pair.expected_offset_ns / period_ns)
-        state, reason = State.UNKNOWN, found.why or "error too large beside the tolerance"
+        state, reason = State.UNKNOWN, found.why or Silence("error too large beside the tolerance", Reason.WIDE_ERROR)
         if found.known and away + 2 * found.sigma <= tolerance:
             state, reason = State.SYNC, f"{found.spoke} agree to {found.sigma:.3f} frames"
         elif found.known and away - ACCUSING * found.sigma > tolerance:
@@ -168,6 +169,7 @@ class OffsetDetector:
             sigma_frames=found.sigma,
             motion_px=found.motion_px,
             numbers=found.numbers,
+            silence=reason_of(reason) if state is State.UNKNOWN else None,
         )
 
     def _tolerance_ns(self, period_ns: int) -> float:
@@ -180,4 +182,11 @@ class OffsetDetector:
         return [self._abstain(pair, reason) for pair in self._rig.pairs]
 
     def _abstain(self, pair: Pair, reason: str) -> Evidence:
-        return Evidence(pair=pair.name, detector=self._name, basis=Basis.CONTENT, state=State.UNKNOWN, reason=reason)
+        return Evidence(
+            pair=pair.name,
+            detector=self._name,
+            basis=Basis.CONTENT,
+            state=State.UNKNOWN,
+            reason=reason,
+            silence=reason_of(reason),
+        )

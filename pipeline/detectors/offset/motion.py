@@ -23,6 +23,9 @@ CUT, CUT_PX = 2.5, 1.0
 """A step so many times as long as its neighbours, and that long, is no motion: things start and stop, they do not do
 both at once. Shaking by less than a pixel may look like it."""
 
+LEAST_NOISE_PX = 1e-3
+"""A camera that repeats its picture has no tracking noise at all; positions are not known better than this."""
+
 COMMON = 5
 """Terms of the motion that points of a rigid scene share: 1, u, v, disparity d and, driving forward, v d."""
 
@@ -85,7 +88,7 @@ def measure(tracks: Tracks, rows: Ints, earlier: Tracks | None, later: Tracks | 
     second = rest[:, 1] + rest[:, 2]
     scale = max(1.4826 * median(np.abs(second)), 0.02)
     weight = 1 / (1 + (second / (2.385 * scale)) ** 2)
-    noise = float(np.sqrt((weight * second**2).sum() / weight.sum())) / 2
+    noise = max(float(np.sqrt((weight * second**2).sum() / weight.sum())) / 2, LEAST_NOISE_PX)
     excess = np.sqrt((rest[:, 1] ** 2 + rest[:, 2] ** 2) / 2) / (np.sqrt(2) * noise)
     own = np.clip((excess - SURELY_NOISE) / (SURELY_MOTION - SURELY_NOISE), 0, 1)
     own *= _accompanied(at, rest, own > 0)

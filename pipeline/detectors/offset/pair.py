@@ -14,10 +14,12 @@ from pipeline.detectors.offset.geometry import Memory
 from pipeline.detectors.offset.matching import FEW, Matcher, Matches
 from pipeline.detectors.offset.motion_signal import MotionSignal, SignalFit, signal_offset
 from pipeline.detectors.offset.regression import Fit, halves, learn, solve
+from pipeline.detectors.offset.silence import Silence
 from pipeline.detectors.offset.slips import RECENT, SLIP_FRAMES, Slips, refill
 from pipeline.detectors.offset.sweep import Sweep
 from pipeline.detectors.offset.tracks import Tracks
 from pipeline.detectors.offset.working import Working
+from pipeline.verdict import Reason
 
 BLOCKS = 16
 """Windows an offset is averaged over: long enough for motion to vary, short enough to see a slip soon."""
@@ -89,17 +91,17 @@ class PairEstimator:
         self._slips = Slips(BLOCKS)
         self._newest: tuple[tuple[int, int], Matches, int] | None = None
 
-    def update(self, index: int, first: View, second: View) -> Estimate | str:
+    def update(self, index: int, first: View, second: View) -> Estimate | Silence:
         estimate = self._update(index, first, second)
-        self._told = not isinstance(estimate, str) and estimate.sigma < SLIP_FRAMES / 3
+        self._told = not isinstance(estimate, Silence) and estimate.sigma < SLIP_FRAMES / 3
         return estimate
 
-    def _update(self, index: int, first: View, second: View) -> Estimate | str:
+    def _update(self, index: int, first: View, second: View) -> Estimate | Silence:
         self._acquire(index, first, second)
         sweeping = self._sweeping(index, first, second)
         self._complete(first)
         block = self._block(index, first, second, self._lag, self._matcher)
-        if isinstance(block, str):
+        if isinstance(block, Silence):
             self._blocks.clear()
             self._slips.clear()
             return block
@@ -108,10 +110,10 @@ class PairEstimator:
         fit = self._solved(index)
         self._relock(fit)
         if sweeping:
-            return "searching for the lag"
+            return Silence("searching for the lag", Reason.WARMING_UP)
         self._check(fit)
         if self._seen < WARM or len(self._blocks) < 2:
-            return "warming up"
+            return Silence("warming up", Reason.WARMING_UP)
         floor = _floor(fit, self._lag)
         sigma = float(np.hypot(fit.sigma, floor))
         if len(self._blocks) > BLOCKS // 2 and sigma < 0.2:
@@ -185,18 +187,19 @@ class PairEstimator:
         self._matcher = Matcher()
         self.memory.forget()
 
-    def _block(self, index: int, first: View, second: View, lag: int, matcher: Matcher) -> Block | str:
+    def _block(self, index: int, first: View, second: View, lag: int, matcher: Matcher) -> Block | Silence:
         """The latest pairing of first t with second t - lag whose pictures are all there."""
         here = max((slot for slot in first.tracks if slot - lag in second.pictures), default=None)
         if here is None or here <= index - abs(lag) - STALE_WINDOWS or here not in first.pictures:
-            return "too short a history"
+            return Silence("too short a history", Reason.WARMING_UP)
         tracks, there = first.tracks[here], here - lag
         if len(tracks.ids) < FEW:
-            return f"too few corners: {len(tracks.ids)}"
+            return Silence(f"too few corners: {len(tracks.ids)}", Reason.NO_TEXTURE)
         image = first.pictures[here]
         matches = matcher.match(tracks.ids, tracks.at, image, second.pictures[there])
         if len(matches.rows) < FEW:
-            return f"too few matches: {len(matches.rows)}" if matcher.overlap else "views do not overlap"
+            why = f"too few matches: {len(matches.rows)}" if matcher.overlap else "views do not overlap"
+            return Silence(why, Reason.NO_OVERLAP)
         height, width = image.image.shape
         if matcher is self._matcher:
             self._newest = (width, height), matches, here

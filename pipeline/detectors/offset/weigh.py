@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 from pipeline.detectors.offset.motion_signal import SignalFit
 from pipeline.detectors.offset.pair import Estimate
+from pipeline.detectors.offset.silence import Silence
+from pipeline.verdict import Reason
 
 MOST_NOISE = 0.5
 """When half of the apparent motion is tracking noise, nothing is said."""
@@ -29,6 +31,8 @@ STILL_PX = 0.1
 EXPLAINED = 0.2
 """When geometry leaves less than this of the motion across the rows, it is motion like that of a steady drive."""
 
+STEADY_DRIVE = "driving at constant speed: the rig's geometry may explain this motion as well as time"
+
 AGREEING = 3.0
 """Joint standard errors within which points and whole pictures speak of the same offset."""
 
@@ -49,9 +53,9 @@ class Finding:
         return bool(self.spoke)
 
 
-def weigh(points: Estimate | str, signal: SignalFit | None) -> Finding:
+def weigh(points: Estimate | Silence, signal: SignalFit | None) -> Finding:
     """Points alone, whole pictures alone, or both by their errors where they agree; where not, points."""
-    found = Finding(None, None, points) if isinstance(points, str) else of_points(points)
+    found = Finding(None, None, points) if isinstance(points, Silence) else of_points(points)
     if signal is None or signal.sigma > SIGNAL_WIDEST:
         return found
     numbers = {
@@ -102,8 +106,11 @@ def _silence(estimate: Estimate) -> str:
     )
     if faint or sigma > WIDEST:
         if fit.across_px < STILL_PX:
-            return "nothing moves" if fit.along_px < STILL_PX else "no motion across the rows"
+            why = "nothing moves" if fit.along_px < STILL_PX else "no motion across the rows"
+            return Silence(why, Reason.NO_MOTION)
         if fit.motion_px < EXPLAINED * fit.across_px:
-            return "driving at constant speed: the rig's geometry may explain this motion as well as time"
-        return "no motion across the rows beyond noise" if faint else f"error too large: {sigma:.2f} frames"
-    return "another offset fits as well" if estimate.margin < CLEAR else ""
+            return Silence(STEADY_DRIVE, Reason.NO_MOTION)
+        if faint:
+            return Silence("no motion across the rows beyond noise", Reason.NO_MOTION)
+        return Silence(f"error too large: {sigma:.2f} frames", Reason.WIDE_ERROR)
+    return Silence("another offset fits as well", Reason.WIDE_ERROR) if estimate.margin < CLEAR else ""

