@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from pipeline.tally import PairTally, Tally
-from pipeline.verdict import State
+from pipeline.tally import PairTally, Stretch, Tally
+from pipeline.verdict import CAUSE_WORDS, REASON_WORDS, State
+from pipeline.words import describe
 
 ENOUGH = 10
 """Frames that must agree before anything is said of a recording: fewer are an anecdote."""
 
 CLEAR = 0.9
 """Share of the decided frames that must agree for an answer about all of them."""
+
+TOLD_STRETCHES = 4
+"""Stretches that are told one by one: as many as fit into a paragraph."""
 
 STRAY = 0.05
 """Where more than this share of the other frames is out of sync as well, the longest stretch may be chance."""
@@ -55,7 +59,31 @@ def _sentence(name: str, state: State, pair: PairTally) -> str:
     sync, wrong = pair.states[State.SYNC], pair.states[State.ASYNC]
     counts = f"{pair.decided} of {pair.total} frames could be judged: {sync} in sync, {wrong} not"
     if state is State.ASYNC:
-        return f"{name}: {counts}; out of sync for a stretch of {pair.longest_async} frames."
+        return f"{name}: {counts}. {_stretches(pair)}"
     if state is State.UNKNOWN and pair.decided >= ENOUGH:
         return f"{name}: {counts}, and they contradict each other from frame to frame."
-    return f"{name}: {counts}."
+    return f"{name}: {counts}.{_reasons(pair)}"
+
+
+def _stretches(pair: PairTally) -> str:
+    """Since when and how it is out of sync: the longest stretches, in order of time."""
+    longest = sorted(pair.stretches, key=lambda stretch: -stretch.frames)[:TOLD_STRETCHES]
+    told = [_stretch(stretch) for stretch in pair.stretches if stretch in longest]
+    more = len(pair.stretches) - len(told)
+    return " ".join(told) + (f" And {more} shorter stretch{'es' * (more > 1)}." if more > 0 else "")
+
+
+def _stretch(stretch: Stretch) -> str:
+    first = stretch.first
+    words = describe(replace(first, offset_ns=stretch.offset_ns)) if stretch.offset_ns else describe(first)
+    where = "" if first.frame is None else f"Frames {first.frame} to {stretch.last_frame}: "
+    cause = f" ({first.cause.value}: {CAUSE_WORDS[first.cause]})" if first.cause else ""
+    return f"{where}{words}{cause}."
+
+
+def _reasons(pair: PairTally) -> str:
+    """Why most of the other frames could not be judged."""
+    if not pair.reasons or pair.decided >= pair.total / 2:
+        return ""
+    reason, _ = pair.reasons.most_common(1)[0]
+    return f" Of the others mostly: {REASON_WORDS[reason]} ({reason.value})."

@@ -35,8 +35,9 @@ class _Counted:
 class Conditions:
     """Opens an event when a pair is out of sync to stay and closes it when it is in sync again; `unknown` does neither.
 
-    Another cause, or an offset that has jumped, ends an event and begins the next. wall_ns: the time of day in nanoseconds since 1970, for
-    `since` and `until`. confirm: verdicts in a row that make a change.
+    Another cause, or an offset that has jumped, ends an event and begins the next.
+
+    wall_ns: the time of day in nanoseconds since 1970, for `since` and `until`. confirm: verdicts in a row that make a change.
     """
 
     def __init__(self, rig: Rig, wall_ns: Callable[[], int], *, confirm: int = CONFIRM) -> None:

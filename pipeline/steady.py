@@ -95,8 +95,6 @@ def alike(one: Verdict, other: Verdict) -> bool:
     """Whether two verdicts say the same: state, cause and, to half a frame and unless it runs away, offset."""
     if (one.state, one.cause) != (other.state, other.cause):
         return False
-    if one.cause is Cause.FREE_RUN or one.state is not State.ASYNC or one.offset_frames is None or other.offset_frames is None:
+    if one.cause is Cause.FREE_RUN or one.offset_frames is None or other.offset_frames is None:
         return True
-    return abs(one.offset_frames - other.offset_frames) <= JUMP_FRAMES
-
-
+    return one.state is not State.ASYNC or abs(one.offset_frames - other.offset_frames) <= JUMP_FRAMES

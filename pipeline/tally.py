@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from pipeline.steady import CONFIRM, Steady
-from pipeline.verdict import State, Verdict
+from pipeline.steady import CONFIRM, Change, Steady, alike
+from pipeline.verdict import Reason, State, Verdict
+
+MOST_STRETCHES = 100
+"""Stretches out of sync that are remembered: more than anyone reads."""
 
 
 @dataclass(slots=True)
@@ -19,15 +22,44 @@ class Injected:
 
 
 @dataclass(slots=True)
+class Stretch:
+    """A stretch during which a pair was said to be out of sync in one way. offset_ns: the mean of what was told."""
+
+    first: Verdict
+    last_frame: int | None
+    frames: int = 0
+    _sum_ns: int = 0
+    _offsets: int = 0
+
+    def add(self, verdict: Verdict) -> None:
+        self.frames += 1
+        self.last_frame = verdict.frame if verdict.frame is not None else self.last_frame
+        if verdict.offset_ns is not None:
+            self._sum_ns += verdict.offset_ns
+            self._offsets += 1
+
+    def end_before(self, frame: int | None) -> None:
+        if frame is not None and self.last_frame is not None:
+            self.last_frame = min(self.last_frame, frame - 1)
+
+    @property
+    def offset_ns(self) -> int | None:
+        return round(self._sum_ns / self._offsets) if self._offsets else None
+
+
+@dataclass(slots=True)
 class PairTally:
     """What was said of one pair, and how that compares with the truth where it is known.
 
+    reasons: why nothing could be said, by frames. stretches: how it was out of sync, the first MOST_STRETCHES.
     longest_async: frames of the longest stretch out of sync, one frame in ten forgiven.
     false_alarms: lasting changes to async while the pair was in sync.
     wrong: decided frames, each by itself, that contradict the truth.
     """
 
     states: Counter[State] = field(default_factory=Counter)
+    reasons: Counter[Reason] = field(default_factory=Counter)
+    stretches: list[Stretch] = field(default_factory=list)
     truth_known: bool = False
     truth_assumed: bool = False
     injected: list[Injected] = field(default_factory=list)
@@ -36,6 +68,7 @@ class PairTally:
     longest_async: int = 0
     _steady: Steady = field(default_factory=Steady)
     _current: Injected | None = None
+    _stretch: Stretch | None = None
     _streak: int = 0
     _slack: int = 0
 
@@ -49,8 +82,11 @@ class PairTally:
 
     def add(self, verdict: Verdict) -> None:
         self.states[verdict.state] += 1
+        if verdict.reason is not None:
+            self.reasons[verdict.reason] += 1
         self._follow_streak(verdict.state)
         change = self._steady.add(verdict)
+        self._follow_stretch(change, verdict)
         truth = verdict.truth
         if truth is None:
             return
@@ -61,6 +97,20 @@ class PairTally:
             return
         self._current = None
         self.false_alarms += change is not None and change.state is State.ASYNC
+
+    def _follow_stretch(self, change: Change | None, verdict: Verdict) -> None:
+        if change is not None and change.state is State.ASYNC:
+            if self._stretch is not None:
+                self._stretch.end_before(change.first.frame)
+            self._stretch = Stretch(change.first, change.first.frame)
+            if len(self.stretches) < MOST_STRETCHES:
+                self.stretches.append(self._stretch)
+            for said in change.verdicts:
+                self._stretch.add(said)
+        elif change is not None and change.state is State.SYNC:
+            self._stretch = None
+        elif self._stretch is not None and alike(self._stretch.first, verdict):
+            self._stretch.add(verdict)
 
     def _follow_injected(self, state: State) -> None:
         if self._current is None:

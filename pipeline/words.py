@@ -17,7 +17,7 @@ def describe(verdict: Verdict) -> str:
         return f"{first} and {second} are out of sync"
     apart = f"{second} is {abs(offset):.1f} ms {'later' if offset > 0 else 'earlier'} than {first}"
     if verdict.cause is Cause.STAMPS_LIE:
-        return f"{apart} by the pictures, although the stamps say otherwise,"
+        return f"{apart} by the pictures, although the stamps say otherwise"
     if verdict.cause is Cause.FREE_RUN:
         ppm = drift_ppm(verdict)
         return f"{apart} and drifting" + ("" if ppm is None else f" by {ppm:+.0f} ppm")

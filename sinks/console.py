@@ -16,7 +16,7 @@ from pipeline.frame import NS_PER_S, Rig
 from pipeline.settings import Settings
 from pipeline.steady import Steady
 from pipeline.tally import PairTally, Tally
-from pipeline.verdict import Evidence, PairTruth, Report, State, Verdict, ms
+from pipeline.verdict import Event, Evidence, PairTruth, Report, State, Verdict, ms
 
 log = logging.getLogger("syncwatch.sinks.console")
 
@@ -73,6 +73,8 @@ class ConsoleSink:
         if not self._introduced and self._style != "progress":
             self._introduced = True
             self._introduce()
+        if isinstance(report, Event) and report.kind != "async" and self._style == "live":
+            self._out.print(f"[yellow]{escape(report.kind.upper())} {report.phase}[/]: {escape(report.text)}")
         if not isinstance(report, Verdict):
             return
         self._tally.add(report)

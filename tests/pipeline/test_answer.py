@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.answer import answer
 from pipeline.tally import Tally
-from pipeline.verdict import Basis, PairTruth, State, Verdict
+from pipeline.verdict import Basis, Cause, PairTruth, Reason, State, Verdict
 
 LETTERS = {"s": State.SYNC, "a": State.ASYNC, "u": State.UNKNOWN}
 
@@ -45,10 +45,29 @@ def test_the_worst_pair_decides():
     result = answer(tally)
     assert result.state is State.ASYNC
     assert "left-right: 50 of 50 frames could be judged: 50 in sync, 0 not." in result.text
-    assert (
-        "left-top: 50 of 50 frames could be judged: 0 in sync, 50 not; out of sync for a stretch of 50 frames."
-        in result.text
-    )
+    assert "left-top: 50 of 50 frames could be judged: 0 in sync, 50 not. Frames 0 to 49: left and top" in result.text
+
+
+def test_it_tells_how_the_offset_changed():
+    tally = Tally()
+    for frame in range(60):
+        later = 33_000_000 if frame >= 30 else -33_000_000
+        said = Verdict(
+            "bench", "left-right", frame, State.ASYNC, Basis.CONTENT,
+            cause=Cause.SLIP, offset_ns=later, offset_frames=later / 33_000_000,
+        )  # fmt: skip
+        tally.add(said)
+    text = answer(tally).text
+    assert "Frames 0 to 29: right is 33.0 ms earlier than left (slip: whole frames apart" in text
+    assert "Frames 30 to 59: right is 33.0 ms later than left (slip" in text
+
+
+def test_it_tells_why_it_cannot_tell():
+    tally = Tally()
+    for frame in range(60):
+        reason = Reason.DARK if frame < 20 else Reason.NO_MOTION
+        tally.add(Verdict("bench", "left-right", frame, State.UNKNOWN, Basis.NONE, reason=reason))
+    assert answer(tally).text.endswith("mostly: nothing moves in a way that tells time (no_motion).")
 
 
 def test_a_detector_that_sticks_is_not_credited_with_what_it_cannot_have_seen():

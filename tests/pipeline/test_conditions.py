@@ -132,7 +132,8 @@ def test_a_missing_or_frozen_camera_is_told_at_once_and_named(cause, words):
 
 def test_a_dark_camera_is_an_event_of_its_own_and_a_single_black_frame_is_none():
     conditions = Conditions(RIG, lambda: 0)
-    dark, fine = Observation(lasting={"left": (), "right": (Note.DARK,)}), Observation(lasting={"left": (), "right": ()})
+    dark = Observation(lasting={"left": (), "right": (Note.DARK,)})
+    fine = Observation(lasting={"left": (), "right": ()})
     made = [event for seen in [fine, dark, fine, fine] + [dark] * 9 + [fine] * 9 for event in conditions.observe(seen)]
     assert [(event.kind, event.phase, event.camera, event.pair) for event in made] == [
         ("dark", "onset", "right", None),

@@ -252,7 +252,8 @@ def test_the_message_is_complete_and_missing_values_are_null():
     message = verdict(stamps(1), content(1)).to_message()
     assert list(message) == [
         "schema", "rig", "pair", "frame", "state", "cause", "camera", "reason", "basis", "offset_ms",
-        "offset_sigma_ms", "offset_frames", "tolerance_ms", "drift", "content", "evidence", "sequence", "captured_ns", "interval_ms", "notes",
+        "offset_sigma_ms", "offset_frames", "tolerance_ms", "drift", "content", "evidence", "sequence", "captured_ns",
+        "interval_ms", "notes",
     ]  # fmt: skip
     assert message["schema"] == "syncwatch.verdict.v1"
     assert message["offset_sigma_ms"] is None

@@ -22,8 +22,11 @@ from tests.network import free_endpoint, subscriber, wait_for
 from tests.programs import ROOT
 
 
+WORST = {"offset_ms": 1.0}
+
+
 def event(number: int, rig: str = "cart") -> Event:
-    return Event(rig, f"x-{number}", "async", "onset", "a-b", "b", Cause.SLIP, number, None, {"offset_ms": 1.0}, f"event {number}")
+    return Event(rig, f"x-{number}", "async", "onset", "a-b", "b", Cause.SLIP, number, None, WORST, f"event {number}")
 
 
 def verdict(frame: int, state: State = State.SYNC) -> Verdict:

@@ -20,8 +20,13 @@ from tests.network import free_endpoint, router, subscriber, wait_for
 from tests.programs import ROOT
 
 
+WORST = {"offset_ms": 1.0}
+
+
 def event(number: int) -> Event:
-    return Event("cart", f"x-{number}", "async", "onset", "a-b", "b", Cause.SLIP, number, None, {"offset_ms": 1.0}, f"event {number}")
+    return Event(
+        "cart", f"x-{number}", "async", "onset", "a-b", "b", Cause.SLIP, number, None, WORST, f"event {number}"
+    )
 
 
 def verdict(frame: int) -> Verdict:
