@@ -37,7 +37,7 @@ class Conditions:
 
     Another cause, or an offset that has jumped, ends an event and begins the next.
 
-    wall_ns: the time of day in nanoseconds since 1970, for `since` and `until`. confirm: verdicts in a row that make a change.
+    wall_ns: the time of day in nanoseconds since 1970. confirm: verdicts in a row that make a change.
     """
 
     def __init__(self, rig: Rig, wall_ns: Callable[[], int], *, confirm: int = CONFIRM) -> None:

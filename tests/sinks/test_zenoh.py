@@ -21,7 +21,6 @@ from sinks.zenoh import ZenohSettings, ZenohSink
 from tests.network import free_endpoint, subscriber, wait_for
 from tests.programs import ROOT
 
-
 WORST = {"offset_ms": 1.0}
 
 

@@ -19,7 +19,6 @@ from sinks.zenoh_settings import session_config
 from tests.network import free_endpoint, router, subscriber, wait_for
 from tests.programs import ROOT
 
-
 WORST = {"offset_ms": 1.0}
 
 
