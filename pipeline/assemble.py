@@ -46,6 +46,7 @@ from pipeline.frame import NS_PER_MS, Camera, Detector, Pair, Renderer, Rig, Sou
 from pipeline.health.observer import Observer
 from pipeline.judge import Judge
 from pipeline.plan import Kind, Kinds, Plan
+from pipeline.range_error import RangeCase, range_case
 from pipeline.run import Parts
 from pipeline.status import StatusKeeper
 from pipeline.steady import CONFIRM, WEIGHED
@@ -207,7 +208,12 @@ def assemble(
         buffer=WindowBuffer(rig.cameras, config.buffer),
         observer=Observer(rig.cameras),
         detectors=detectors,
-        judge=Judge(config.judge, rig, trust_stamps=getattr(plan.source.settings, "trust_stamps", False)),
+        judge=Judge(
+            config.judge,
+            rig,
+            trust_stamps=getattr(plan.source.settings, "trust_stamps", False),
+            ranges=_ranges(plan, rig),
+        ),
         status=StatusKeeper(
             rig,
             unknown_is=Level(config.judge.unknown_is),
@@ -220,6 +226,14 @@ def assemble(
         sinks=sinks,
         on_report=on_report,
     )
+
+
+def _ranges(plan: Plan, rig: Rig) -> Mapping[str, RangeCase]:
+    settings = plan.config.judge.range
+    if settings is None:
+        return {}
+    names = [camera.name for camera in rig.cameras]
+    return {pair.name: range_case(settings, plan.base, pair, names) for pair in rig.pairs}
 
 
 def _fault(plan: Plan, index: int, cameras: Sequence[Camera], renderer: Renderer | None) -> Fault:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from pipeline.frame import NS_PER_MS, NS_PER_S, Pair, Rig, Window
 from pipeline.health.observer import Observation
-from pipeline.range_error import RangeSettings
+from pipeline.range_error import RangeCase, RangeSettings
 from pipeline.rulings import ClassicPair, PairJudge, WeighedPair
 from pipeline.settings import Settings
 from pipeline.verdict import Evidence, Verdict
@@ -34,15 +34,23 @@ class Judge:
     """One verdict a pair and frame of its first camera; while that camera is missing, one a second.
 
     trust_stamps: take synthesised stamps for evidence. Under `classic` they always are: the report's rule has no notion
-    of where a stamp comes from.
+    of where a stamp comes from. ranges: by pair, what to say of the offset's effect on a range.
     """
 
-    def __init__(self, settings: JudgeSettings, rig: Rig, *, trust_stamps: bool = False) -> None:
+    def __init__(
+        self,
+        settings: JudgeSettings,
+        rig: Rig,
+        *,
+        trust_stamps: bool = False,
+        ranges: Mapping[str, RangeCase] | None = None,
+    ) -> None:
+        cases = ranges or {}
         self._tolerance_ns = {pair.name: _tolerance_ns(settings, rig, pair) for pair in rig.pairs}
         self._pairs: list[PairJudge] = [
-            ClassicPair(rig, pair, self.tolerance_ns(pair), settings.range)
+            ClassicPair(rig, pair, self.tolerance_ns(pair), cases.get(pair.name))
             if settings.combine == "classic"
-            else WeighedPair(rig, pair, self.tolerance_ns(pair), settings.range, trust_stamps=trust_stamps)
+            else WeighedPair(rig, pair, self.tolerance_ns(pair), cases.get(pair.name), trust_stamps=trust_stamps)
             for pair in rig.pairs
         ]
 

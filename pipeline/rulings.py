@@ -12,7 +12,7 @@ from pipeline.drift import Drift, tell_drift
 from pipeline.frame import NS_PER_S, Frame, Pair, Rig, Window
 from pipeline.health.observer import Observation
 from pipeline.notes import Note
-from pipeline.range_error import RangeSettings, range_error
+from pipeline.range_error import RangeCase, range_error
 from pipeline.verdict import Basis, Cause, Evidence, Pace, PairTruth, Reason, State, Verdict
 from pipeline.witness import PictureWitness, StampWitness, Testimony, best_of, of_basis
 
@@ -42,12 +42,12 @@ class Ruling:
 class PairJudge(ABC):
     """Judges one pair."""
 
-    def __init__(self, rig: Rig, pair: Pair, tolerance_ns: int, range_settings: RangeSettings | None) -> None:
+    def __init__(self, rig: Rig, pair: Pair, tolerance_ns: int, range_of: RangeCase | None) -> None:
         self._rig = rig
         self._pair = pair
         self._period_ns = rig.camera(pair.first).period_ns
         self._tolerance_ns = tolerance_ns
-        self._range = range_settings
+        self._range = range_of
 
     @property
     def name(self) -> str:
@@ -152,9 +152,9 @@ class WeighedPair(PairJudge):
     """
 
     def __init__(
-        self, rig: Rig, pair: Pair, tolerance_ns: int, range_settings: RangeSettings | None, *, trust_stamps: bool
+        self, rig: Rig, pair: Pair, tolerance_ns: int, range_of: RangeCase | None, *, trust_stamps: bool
     ) -> None:
-        super().__init__(rig, pair, tolerance_ns, range_settings)
+        super().__init__(rig, pair, tolerance_ns, range_of)
         self._stamps = StampWitness(pair, rig, tolerance_ns, trust_synthesised=trust_stamps)
         self._pictures = PictureWitness(pair, rig, tolerance_ns)
         self._belief = Belief()
