@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import TextIO
 
+from pipeline.align import Aligner
 from pipeline.buffer import WindowBuffer
 from pipeline.conditions import Conditions
 from pipeline.config import PairSettings
@@ -214,6 +215,7 @@ def assemble(
             trust_stamps=getattr(plan.source.settings, "trust_stamps", False),
             ranges=_ranges(plan, rig),
         ),
+        aligner=None if config.align is None else Aligner(config.align, rig),
         status=StatusKeeper(
             rig,
             unknown_is=Level(config.judge.unknown_is),

@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import Field, field_validator
 
+from pipeline.align import AlignSettings
 from pipeline.buffer import BufferSettings
 from pipeline.frame import CAMERA_NAME
 from pipeline.judge import JudgeSettings
@@ -38,6 +39,7 @@ class Config(Settings):
     source: where frames come from.
     faults: field failures to inject, in order.
     pairs: which cameras are compared (default: the first with each other one).
+    align: pair frames anew that come whole frames apart, and emit the pairs (default: off).
     detectors, sinks: by name; `type` defaults to the name.
     seed: of everything random: rendering and faults.
     """
@@ -50,6 +52,7 @@ class Config(Settings):
     buffer: BufferSettings = BufferSettings()
     detectors: dict[str, Any] = Field(min_length=1)
     judge: JudgeSettings = JudgeSettings()
+    align: AlignSettings | None = None
     sinks: dict[str, Any] = Field(default={})
 
     @field_validator("rig")

@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from pipeline.align import Aligner
 from pipeline.buffer import WindowBuffer
 from pipeline.conditions import Conditions
 from pipeline.errors import RunError, SyncwatchError
@@ -53,6 +54,7 @@ class Parts:
     observer: Observer
     detectors: Mapping[str, Detector]
     judge: Judge
+    aligner: Aligner | None
     status: StatusKeeper
     conditions: Conditions
     sinks: Mapping[str, Sink]
@@ -286,7 +288,10 @@ class Run:
                 evidence += detector.observe(window)
             except Exception as error:  # a user's own detector may raise anything
                 raise _explained(f"detector '{name}' failed at window {window.index}", error) from error
-        self._tell(parts.judge.judge(window, evidence, observation), parts.conditions.observe(observation))
+        verdicts = parts.judge.judge(window, evidence, observation)
+        self._tell(verdicts, parts.conditions.observe(observation))
+        if parts.aligner is not None:
+            self._report_all(parts.aligner.take(window, verdicts))
 
     def _tell(self, verdicts: Sequence[Verdict], events: Sequence[Event] = ()) -> None:
         parts = self._parts

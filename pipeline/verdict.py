@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import Enum
-from typing import Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+
+if TYPE_CHECKING:
+    from pipeline.frame import Frame
 
 Message: TypeAlias = dict[str, Any]
 """A JSON object with a `schema` member."""
@@ -13,6 +16,7 @@ Message: TypeAlias = dict[str, Any]
 VERDICT_SCHEMA = "syncwatch.verdict.v1"
 EVENT_SCHEMA = "syncwatch.event.v1"
 STATUS_SCHEMA = "syncwatch.status.v1"
+ALIGNED_SCHEMA = "syncwatch.aligned.v1"
 
 
 class State(str, Enum):
@@ -357,7 +361,40 @@ class Status:
         }
 
 
-Report: TypeAlias = Verdict | Event | Status
+@dataclass(frozen=True, slots=True)
+class AlignedPair:
+    """Two frames that belong together after whole frames were put right.
+
+    first, second: what the cameras' frames count, from 0. shift_frames: how far the second camera's frame was moved.
+    residual_ns: what is left between the two, sigma_ns its standard error; None while the offset is not known.
+    frames: themselves.
+    """
+
+    rig: str
+    pair: str
+    first: int | None
+    second: int | None
+    shift_frames: int
+    residual_ns: int | None
+    sigma_ns: int | None
+    frames: tuple[Frame, Frame] = field(repr=False)
+
+    def to_message(self) -> Message:
+        return {
+            "schema": ALIGNED_SCHEMA,
+            "rig": self.rig,
+            "pair": self.pair,
+            "first": self.first,
+            "second": self.second,
+            "shift_frames": self.shift_frames,
+            "residual_ms": ms(self.residual_ns),
+            "residual_sigma_ms": ms(self.sigma_ns),
+            "sequence": {frame.camera: frame.sequence for frame in self.frames},
+            "captured_ns": {frame.camera: frame.captured_ns for frame in self.frames},
+        }
+
+
+Report: TypeAlias = Verdict | Event | Status | AlignedPair
 """Anything the pipeline tells its sinks."""
 
 

@@ -9,9 +9,14 @@ from typing import Literal, TextIO
 
 from pipeline.errors import InputError, RunError
 from pipeline.settings import Settings
-from pipeline.verdict import Event, Report, Status, Verdict
+from pipeline.verdict import AlignedPair, Event, Report, Status, Verdict
 
-KINDS: dict[str, type[Report]] = {"verdict": Verdict, "event": Event, "status": Status}
+KINDS: dict[str, type[Report]] = {
+    "verdict": Verdict,
+    "event": Event,
+    "status": Status,
+    "aligned": AlignedPair,
+}
 
 
 class JsonlSettings(Settings):
@@ -19,7 +24,7 @@ class JsonlSettings(Settings):
 
     type: Literal["jsonl"] = "jsonl"
     path: str
-    what: tuple[Literal["verdict", "event", "status"], ...] = ("verdict",)
+    what: tuple[Literal["verdict", "event", "status", "aligned"], ...] = ("verdict",)
 
 
 class JsonlSink:

@@ -12,7 +12,7 @@ from collections import deque
 import zenoh
 
 from pipeline.errors import InputError, RunError
-from pipeline.verdict import EVENT_SCHEMA, Event, Message, Report, Status, Verdict
+from pipeline.verdict import EVENT_SCHEMA, AlignedPair, Event, Message, Report, Status, Verdict
 from sinks.zenoh_session import EVENT_CACHE, Published, encoding
 from sinks.zenoh_settings import RETRY_EVERY_S, ZenohSettings, is_key_chunk, session_config
 
@@ -87,6 +87,8 @@ class ZenohSink:
             self._take_event(message)
         elif isinstance(report, Status):
             self._take_latest(f"{self._root}/status", message)
+        elif isinstance(report, AlignedPair):
+            self._take_latest(f"{self._root}/aligned/{report.pair}", message)
         else:
             self._take_latest(f"{self._root}/verdict/{report.pair}", message, publish=self._wanted(report))
 

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 import zenoh
 import zenoh.ext
 
-from pipeline.verdict import EVENT_SCHEMA, STATUS_SCHEMA, VERDICT_SCHEMA, Message
+from pipeline.verdict import ALIGNED_SCHEMA, EVENT_SCHEMA, STATUS_SCHEMA, VERDICT_SCHEMA, Message
 
 log = logging.getLogger("syncwatch.sinks.zenoh")
 
@@ -24,7 +24,11 @@ HEARTBEAT_S = 0.5
 ANSWER_EVERY_S = 0.02
 QUERIES_WAITING = 256
 
-CONGESTION = {STATUS_SCHEMA: zenoh.CongestionControl.BLOCK, VERDICT_SCHEMA: zenoh.CongestionControl.DROP}
+CONGESTION = {
+    STATUS_SCHEMA: zenoh.CongestionControl.BLOCK,
+    VERDICT_SCHEMA: zenoh.CongestionControl.DROP,
+    ALIGNED_SCHEMA: zenoh.CongestionControl.DROP,
+}
 
 
 def encoding(schema: str) -> zenoh.Encoding:

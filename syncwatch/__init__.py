@@ -19,9 +19,23 @@ from pipeline.frame import (
     Window,
 )
 from pipeline.settings import Settings
-from pipeline.verdict import Basis, Cause, Event, Evidence, Level, Reason, Report, Sink, State, Status, Verdict
+from pipeline.verdict import (
+    AlignedPair,
+    Basis,
+    Cause,
+    Event,
+    Evidence,
+    Level,
+    Reason,
+    Report,
+    Sink,
+    State,
+    Status,
+    Verdict,
+)
 
 __all__ = [
+    "AlignedPair",
     "Basis",
     "Camera",
     "Cause",

@@ -43,6 +43,7 @@ def run_of(
             observer=Observer(RIG.cameras),
             detectors={"timestamp": detector or timestamp},
             judge=Judge(JudgeSettings(), RIG),
+            aligner=None,
             status=StatusKeeper(
                 RIG, unknown_is=Level.OK, version="0", wall_ns=time.time_ns, monotonic_ns=time.monotonic_ns
             ),

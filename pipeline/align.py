@@ -1,0 +1,126 @@
+"""Pairs anew what a rig delivers whole frames apart: the report's future work, "synchronize the async frame"."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from pydantic import Field
+
+from pipeline.frame import Frame, Pair, Rig, Window
+from pipeline.settings import Settings
+from pipeline.verdict import AlignedPair, State, Verdict
+
+BEYOND = 0.6
+"""Frames that must be left before another frame fits better: a tenth more than half, so that a camera half a frame off
+is not paired now with the one, now with the other."""
+
+CONFIRM = 3
+"""Verdicts in a row that must ask for another shift."""
+
+
+class AlignSettings(Settings):
+    """max_frames: by how many frames at most a camera's pictures are moved."""
+
+    max_frames: int = Field(default=5, ge=1, le=30)
+
+
+@dataclass(frozen=True, slots=True)
+class _Slot:
+    """One window of one pair. away_frames, sigma_ns: what was judged of it, off what is expected; None: nothing."""
+
+    index: int
+    first: Frame | None
+    second: Frame | None
+    numbers: tuple[int | None, int | None]
+    away_frames: float | None
+    sigma_ns: int | None
+
+
+@dataclass(slots=True)
+class _Lane:
+    """One pair. shift: the first camera's frame of slot t belongs to the second's of slot t - shift."""
+
+    pair: Pair
+    period_ns: int
+    shift: int = 0
+    asked: int = 0
+    asking: int = 0
+    slots: deque[_Slot] = field(default_factory=deque)
+    waiting: deque[_Slot] = field(default_factory=deque)
+    used: int = -1
+
+
+class Aligner:
+    """Emits pairs of frames that belong together, in order, one to one, with what is left between them.
+
+    Whole frames follow the judged offset, with hysteresis; while it is unknown, the last shift holds. A slip is known
+    only when the judge has found it: the pairs of those few frames are still the rig's own. Holes yield nothing.
+    """
+
+    def __init__(self, settings: AlignSettings, rig: Rig) -> None:
+        self._rig = rig.name
+        self._most = settings.max_frames
+        self._lanes = {pair.name: _Lane(pair, rig.camera(pair.first).period_ns) for pair in rig.pairs}
+
+    def take(self, window: Window, verdicts: Sequence[Verdict]) -> list[AlignedPair]:
+        """Takes a window and what was judged of it; the pairs that are complete now."""
+        said = {verdict.pair: verdict for verdict in verdicts}
+        return [made for lane in self._lanes.values() for made in self._step(lane, window, said.get(lane.pair.name))]
+
+    def _step(self, lane: _Lane, window: Window, verdict: Verdict | None) -> list[AlignedPair]:
+        first, second = window.cameras[lane.pair.first], window.cameras[lane.pair.second]
+        away = _away(lane, verdict)
+        sigma_ns = None if verdict is None else verdict.sigma_ns
+        slot = _Slot(window.index, first.current, second.current, (first.number, second.number), away, sigma_ns)
+        lane.slots.append(slot)
+        while lane.slots[0].index < window.index - 2 * self._most:
+            lane.slots.popleft()
+        lane.waiting.append(slot)
+        if away is not None:
+            self._follow(lane, away)
+        return list(self._complete(lane, window.index))
+
+    def _follow(self, lane: _Lane, away: float) -> None:
+        wanted = max(-self._most, min(self._most, round(away)))
+        if abs(away - lane.shift) <= BEYOND or wanted == lane.shift:
+            lane.asking = 0
+            return
+        lane.asking = lane.asking + 1 if wanted == lane.asked else 1
+        lane.asked = wanted
+        if lane.asking >= CONFIRM:
+            lane.shift, lane.asking = wanted, 0
+
+    def _complete(self, lane: _Lane, newest: int) -> list[AlignedPair]:
+        made = []
+        while lane.waiting and lane.waiting[0].index - lane.shift <= newest:
+            slot = lane.waiting.popleft()
+            partner = next((one for one in lane.slots if one.index == slot.index - lane.shift), None)
+            if slot.first is None or partner is None or partner.second is None or partner.index <= lane.used:
+                continue
+            lane.used = partner.index
+            made.append(self._pair(lane, slot, partner))
+        return made
+
+    def _pair(self, lane: _Lane, slot: _Slot, partner: _Slot) -> AlignedPair:
+        assert slot.first is not None
+        assert partner.second is not None
+        left = None if slot.away_frames is None else round((slot.away_frames - lane.shift) * lane.period_ns)
+        return AlignedPair(
+            rig=self._rig,
+            pair=lane.pair.name,
+            first=slot.numbers[0],
+            second=partner.numbers[1],
+            shift_frames=lane.shift,
+            residual_ns=left,
+            sigma_ns=slot.sigma_ns if left is not None else None,
+            frames=(slot.first, partner.second),
+        )
+
+
+def _away(lane: _Lane, verdict: Verdict | None) -> float | None:
+    """The offset off what is expected, in frames of the first camera, where it was judged."""
+    if verdict is None or verdict.state is State.UNKNOWN or verdict.offset_ns is None:
+        return None
+    return (verdict.offset_ns - lane.pair.expected_offset_ns) / lane.period_ns
