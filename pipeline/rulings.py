@@ -249,6 +249,8 @@ class WeighedPair(PairJudge):
         drifts = tell_drift(self._stamps.drift, self._pictures.drift)
         of_camera = ruling.cause is Cause.FREE_RUN or isinstance(drifts, Cause)
         clocks = () if reading is None else reading.notes
+        if ruling.state is State.SYNC and self._stamps.biased:
+            clocks = (*clocks, Note.STAMP_REFERENCE)
         return (*ruling.notes, *(note for note in clocks if not (note is Note.CLOCK_DRIFT and of_camera)))
 
 

@@ -137,6 +137,13 @@ class StampWitness:
         error = MEDIAN_SIGMA * scatter / len(self._differences) ** 0.5
         return bool(abs(middle) > self._tolerance_ns + STRANGE_SIGMAS * error)
 
+    @property
+    def biased(self) -> bool:
+        """Whether they are off by a constant part of a frame: such stamps mark another moment of the exposure."""
+        if not self.disproved or self._noisy or (self.drift is not None and self.drift.sure):
+            return False
+        return 2 * abs(median(self._differences)) < self._period_ns
+
     def differ_from(self, pictures: Testimony, lag_ns: float) -> bool:
         """Whether stamps that count tell of another offset than pictures. lag_ns: what these may lag behind."""
         if not self.usable or not self._recent or (self.reading is not None and self.reading.epoch_ns):

@@ -8,17 +8,23 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from pipeline.faults.base import EveryNth, FaultSettings, FrameFault, SlotFault, TimedSlot
-from pipeline.frame import NS_PER_MS, Camera, Frame
+from pipeline.frame import NS_PER_MS, Camera, Frame, StampReference
 
 StampMs = Annotated[float, Field(ge=-2e12, le=2e12)]
 """63 years: more than lie between any two clocks' epochs, less than would overflow 64 bits of nanoseconds."""
 
 
 class StampOffsetSettings(FaultSettings):
-    """ms: what is added to the camera's stamps."""
+    """ms: what is added to the camera's stamps.
+
+    reference, exposure_ms: which moment of how long an exposure its frames then say the stamp marks; left out: as they
+    did.
+    """
 
     type: Literal["stamp_offset"] = "stamp_offset"
     ms: StampMs = 4
+    reference: StampReference | None = None
+    exposure_ms: float | None = Field(default=None, gt=0, le=10_000)
 
 
 class StampOffset(FrameFault):
@@ -32,9 +38,16 @@ class StampOffset(FrameFault):
     def __init__(self, settings: StampOffsetSettings, cameras: tuple[Camera, ...], seed: int) -> None:
         super().__init__(settings.type, settings, cameras, seed)
         self._offset_ns = round(settings.ms * NS_PER_MS)
+        self._reference = settings.reference
+        self._exposure_ns = None if settings.exposure_ms is None else round(settings.exposure_ms * NS_PER_MS)
 
     def bend(self, frame: Frame) -> Frame:
-        return replace(frame, captured_ns=frame.captured_ns + self._offset_ns)
+        return replace(
+            frame,
+            captured_ns=frame.captured_ns + self._offset_ns,
+            stamp_reference=self._reference or frame.stamp_reference,
+            exposure_ns=self._exposure_ns or frame.exposure_ns,
+        )
 
 
 class StampJitterSettings(FaultSettings):

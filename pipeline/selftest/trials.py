@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 import io
-import logging
-import os
-import signal
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import nan
-from multiprocessing import get_context, parent_process
 from typing import Literal, TypeAlias
-
-import cv2
 
 from pipeline.assemble import KINDS, assemble, build_source
 from pipeline.config import PairSettings
@@ -26,6 +19,7 @@ from pipeline.plan import Chosen, Plan
 from pipeline.run import Run
 from pipeline.selftest.findings import Row
 from pipeline.verdict import Report, State, Verdict
+from pipeline.workers import workers
 
 DETECTOR = "offset"
 
@@ -116,7 +110,7 @@ def run_all(
     """Each trial with what was said, in their order. Raises SyncwatchError."""
     what = "moved, swapped, slipping"
     progress(what, 0, len(trials))
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_become_worker) as pool:
+    with workers(jobs) as pool:
         pending = [pool.submit(run_trial, make_plan, trial) for trial in trials]
         try:
             for done, future in enumerate(as_completed(pending), start=1):
@@ -126,22 +120,6 @@ def run_all(
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-
-
-def _become_worker() -> None:
-    """Says nothing, as what there is to say was said when the footage ran as it is; and ends with the main process."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    logging.getLogger("syncwatch").setLevel(logging.ERROR)
-    cv2.setNumThreads(1)
-
-
-def _end_with_parent() -> None:
-    """A worker of a pool would wait for work for ever once the main process has been killed."""
-    parent = parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
 
 
 def run_trial(make_plan: MakePlan, trial: Trial) -> Rows:
