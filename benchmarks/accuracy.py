@@ -45,7 +45,7 @@ def measure(jobs: int) -> page.Measured:
     check([clip for _, clip in clips])
     scores: dict[str, list[Score]] = {suite: [] for suite in SUITES}
     for (suite, _), of_clip in zip(clips, run([clip for _, clip in clips], jobs), strict=True):
-        scores[suite] += of_clip
+        scores[suite] += of_clip.scores
     costs = list(cost.measure_all())
     return page.Measured(scores, costs, jobs, round((time.monotonic() - started_s) / SECONDS_PER_MINUTE, 1))
 

@@ -64,7 +64,7 @@ def main() -> int:
     try:
         clips = load_suite(SUITE, os.environ)
         check(clips)
-        scores = [item for of_clip in run(clips, jobs) for item in of_clip]
+        scores = [item for of_clip in run(clips, jobs) for item in of_clip.scores]
     except SyncwatchError as error:
         return report(error)
     text = DOCUMENT.read_text(encoding="utf-8")

@@ -16,6 +16,9 @@ from pipeline.range_error import RangeCase, range_error
 from pipeline.verdict import Basis, Cause, Evidence, Pace, PairTruth, Reason, State, Verdict
 from pipeline.witness import PictureWitness, StampWitness, Testimony, best_of, of_basis
 
+TELLING = (Reason.STAMPS_DISPROVED, Reason.WARMING_UP)
+"""Why stamps do not speak, where that says more than why pictures do not."""
+
 PICTURES_LAG_S = 0.5
 """How far pictures may lag behind a drift: the windows they are judged by go back for half a second."""
 
@@ -207,7 +210,7 @@ class WeighedPair(PairJudge):
             return self._rest_on(pictures)
         if isinstance(stamps, Testimony):
             return self._rest_on(stamps)
-        return Ruling(reason=stamps if stamps is Reason.STAMPS_DISPROVED else pictures)
+        return Ruling(reason=stamps if stamps in TELLING else pictures)
 
     def _rest_on(self, witness: Testimony) -> Ruling:
         of_pictures = witness.evidence.basis is Basis.CONTENT

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import median
+from statistics import median, stdev
 
 from pipeline.belief import SURE, support
 from pipeline.clocks import MAD_TO_SIGMA, MEDIAN_SIGMA, NOISY, ClockReading, PairClock
@@ -19,6 +19,9 @@ COMPARED = 31
 so that the median does not take the delay for a disagreement."""
 
 LEAST_COMPARED = 9
+
+LEAST_STEPS = 4
+"""Changes from frame to frame that tell roughly how noisy stamps are: before, they accuse nobody."""
 
 RECENT = 3
 """Stamps that are smoothed where they are set against pictures: one may be wrong."""
@@ -102,8 +105,10 @@ class StampWitness:
             return Reason.STAMPS_DISPROVED
         if reading.epoch_ns and len(self._differences) < LEAST_COMPARED:
             return Reason.NO_EVIDENCE
-        away = offset_ns - self._expected_ns
-        return Testimony(said, support(away, self.sigma_ns, self._tolerance_ns), offset_ns, self.sigma_ns)
+        supported = support(offset_ns - self._expected_ns, self.sigma_ns, self._tolerance_ns)
+        if supported > 0 and len(self._steps) < LEAST_STEPS:
+            return Reason.WARMING_UP
+        return Testimony(said, supported, offset_ns, self.sigma_ns)
 
     @property
     def sigma_ns(self) -> float:
@@ -113,8 +118,10 @@ class StampWitness:
     @property
     def _jitter_ns(self) -> float:
         """Robust standard deviation of one difference, from the changes between neighbours: no drift or jump adds."""
-        if len(self._steps) < LEAST_COMPARED:
+        if len(self._steps) < LEAST_STEPS:
             return 0.0
+        if len(self._steps) < LEAST_COMPARED:
+            return stdev(self._steps) / 2**0.5
         usual = median(self._steps)
         return MAD_TO_SIGMA * median(abs(step - usual) for step in self._steps) / 2**0.5
 

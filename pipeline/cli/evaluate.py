@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,10 @@ from rich.table import Table
 from pipeline.cli.common import set_option
 from pipeline.errors import InputError
 from pipeline.evaluate.columns import COLUMNS, by_manipulation, by_recording, cells
-from pipeline.evaluate.runner import check
+from pipeline.evaluate.failures import FAILURE_COLUMNS, by_scenario, confusion, failure_cells
+from pipeline.evaluate.outcome import Outcome
+from pipeline.evaluate.report.page import write_report
+from pipeline.evaluate.runner import Result, check
 from pipeline.evaluate.runner import evaluate as run_clips
 from pipeline.evaluate.score import Score
 from pipeline.evaluate.suite import Clip, load_suite
@@ -27,12 +30,13 @@ SCHEMA = "syncwatch.evaluation.v1"
 @click.command()
 @click.argument("suite")
 @click.option("--json", "json_file", metavar="FILE", help="Write every score as JSON; - is standard output.")
+@click.option("--report", "report_dir", metavar="DIR", help="Write a page with every run over time: DIR/index.html.")
 @click.option(
     "--jobs", type=click.IntRange(1, 256), default=os.cpu_count() or 1, help="Processes (default: one a core)."
 )
 @set_option
-def evaluate(suite: str, json_file: str | None, jobs: int, overrides: tuple[str, ...]) -> None:
-    """Run the recordings of SUITE, manipulated as it says, against the truth.
+def evaluate(suite: str, json_file: str | None, report_dir: str | None, jobs: int, overrides: tuple[str, ...]) -> None:
+    """Run the recordings of SUITE, with what its manipulations and scenarios do to them, against the truth.
 
     The truth is that of a rendered scene, or that a recording is in sync apart from what was done to it.
     """
@@ -40,25 +44,33 @@ def evaluate(suite: str, json_file: str | None, jobs: int, overrides: tuple[str,
     target = None if json_file in {None, "-"} else Path(str(json_file))
     if target is not None and not target.parent.is_dir():
         raise InputError(f"{target}: cannot be written: there is no folder {target.parent}")
+    folder = None if report_dir is None else Path(report_dir)
+    if folder is not None and folder.exists() and not folder.is_dir():
+        raise InputError(f"--report {folder}: this is a file: name a folder, which may be new")
     check(clips)
-    scores = [item for of_clip in run(clips, jobs) for item in of_clip]
+    results = run(clips, jobs)
+    if folder is not None:
+        page = write_report(folder, Path(suite).stem, clips, results)
+        click.echo(f"report: {page}", err=True)
     if json_file == "-":
-        click.echo(json.dumps(as_json(scores), indent=1))
+        click.echo(json.dumps(as_json(clips, results), indent=1))
         return
     if target is not None:
-        target.write_text(json.dumps(as_json(scores), indent=1) + "\n", encoding="utf-8")
-    Console(width=200, highlight=False).print(table(scores))
+        target.write_text(json.dumps(as_json(clips, results), indent=1) + "\n", encoding="utf-8")
+    console = Console(width=220, highlight=False)
+    for made in tables(clips, results):
+        console.print(made)
 
 
-def run(clips: Sequence[Clip], jobs: int) -> list[list[Score]]:
-    """The scores of every clip, in order, one a pair; how far it has come is said on standard error meanwhile."""
+def run(clips: Sequence[Clip], jobs: int) -> list[Result]:
+    """The result of every clip, in order; how far it has come is said on standard error meanwhile."""
     console = Console(stderr=True)
-    done: dict[int, list[Score]] = {}
+    done: dict[int, Result] = {}
     columns = (*Progress.get_default_columns(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("clips", total=len(clips))
-        for place, of_clip in run_clips(clips, jobs):
-            done[place] = sorted(of_clip, key=lambda item: item.pair)
+        for place, result in run_clips(clips, jobs):
+            done[place] = result
             progress.advance(task)
             if not console.is_terminal:
                 clip = clips[place]
@@ -66,19 +78,41 @@ def run(clips: Sequence[Clip], jobs: int) -> list[list[Score]]:
     return [done[place] for place in range(len(clips))]
 
 
-def as_json(scores: Sequence[Score]) -> dict[str, Any]:
-    """All scores, and a row a manipulation over all recordings."""
+def as_json(clips: Sequence[Clip], results: Sequence[Result]) -> dict[str, Any]:
+    """All scores and outcomes, a row a manipulation over all recordings, and a row a scenario over all seeds."""
+    scores, outcomes = _scores(results), _staged(clips, results)
     return {
         "schema": SCHEMA,
         "clips": [item.to_json() for item in scores],
         "manipulations": {
             name: dict(zip(COLUMNS, cells(group), strict=True)) for name, group in by_manipulation(scores).items()
         },
+        "runs": [item.to_json() for item in outcomes],
+        "scenarios": {
+            name: {"row": row, **dict(zip(FAILURE_COLUMNS, failure_cells(group), strict=True))}
+            for (row, name), group in by_scenario(outcomes).items()
+        },
+        "confusion": confusion([item for result in results for item in result.outcomes]),
     }
 
 
-def table(scores: Sequence[Score]) -> Table:
-    """A row a recording and manipulation, seeds together, then one a manipulation with intervals over clips."""
+def tables(clips: Sequence[Clip], results: Sequence[Result]) -> Iterator[Table]:
+    """A row a scenario, seeds together; and of what else there is, one a recording and manipulation."""
+    staged = _staged(clips, results)
+    if staged:
+        made = Table("row", "scenario", *FAILURE_COLUMNS)
+        for (row, name), group in by_scenario(staged).items():
+            made.add_row(row, name, *failure_cells(group))
+        made.add_section()
+        made.add_row("", "all", *failure_cells(staged), style="bold")
+        yield made
+    plain = [item for item in _scores(results) if item.manipulation not in {run.scenario for run in staged}]
+    if plain:
+        yield _score_table(plain)
+
+
+def _score_table(scores: Sequence[Score]) -> Table:
+    """A row a recording and manipulation, then one a manipulation with intervals over clips."""
     made = Table("recording", "manipulation", *COLUMNS)
     for name, group in by_manipulation(scores).items():
         recordings = by_recording(group)
@@ -87,3 +121,17 @@ def table(scores: Sequence[Score]) -> Table:
         if len(recordings) > 1:
             made.add_row(f"all {len(recordings)}", name, *cells(group), style="bold", end_section=True)
     return made
+
+
+def _scores(results: Sequence[Result]) -> list[Score]:
+    return [item for result in results for item in result.scores]
+
+
+def _staged(clips: Sequence[Clip], results: Sequence[Result]) -> list[Outcome]:
+    """The outcomes of scenarios."""
+    return [
+        item
+        for clip, result in zip(clips, results, strict=True)
+        if clip.scenario is not None
+        for item in result.outcomes
+    ]

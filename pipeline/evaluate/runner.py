@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
+from dataclasses import dataclass, field, replace
 from functools import partial
-from multiprocessing import get_context
 
-import cv2
-
-from pipeline.assemble import KINDS, assemble, build_source
+from pipeline.assemble import KINDS, assemble, build_rig, build_source
 from pipeline.errors import InputError, RunError
+from pipeline.evaluate.outcome import Outcome, outcome_of
 from pipeline.evaluate.score import Row, Score, period_of, row, score
 from pipeline.evaluate.subsample import SubsampledSource
 from pipeline.evaluate.suite import Clip
+from pipeline.evaluate.timeline import Timeline, timeline_of
 from pipeline.frame import Source
 from pipeline.run import Run
-from pipeline.verdict import Report, Verdict
+from pipeline.verdict import Event, Report, Verdict
+from pipeline.workers import workers
 
 
 def check(clips: Sequence[Clip]) -> None:
@@ -35,12 +36,21 @@ def check(clips: Sequence[Clip]) -> None:
             _opened(clip).close()
 
 
-def evaluate(clips: Sequence[Clip], jobs: int) -> Iterator[tuple[int, list[Score]]]:
-    """The place of each clip and its scores, one a pair, as clips get done; `check` comes first.
+@dataclass(slots=True)
+class Result:
+    """What one clip came to: a score, an outcome and a timeline for each of its pairs."""
+
+    scores: list[Score] = field(default_factory=list)
+    outcomes: list[Outcome] = field(default_factory=list)
+    timelines: list[Timeline] = field(default_factory=list)
+
+
+def evaluate(clips: Sequence[Clip], jobs: int) -> Iterator[tuple[int, Result]]:
+    """The place of each clip and its result, as clips get done; `check` comes first.
 
     Raises InputError or RunError for a clip that cannot be run.
     """
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with workers(jobs) as pool:
         pending = {pool.submit(evaluate_clip, clip): place for place, clip in enumerate(clips)}
         try:
             for future in as_completed(pending):
@@ -50,35 +60,38 @@ def evaluate(clips: Sequence[Clip], jobs: int) -> Iterator[tuple[int, list[Score
             raise
 
 
-def evaluate_clip(clip: Clip) -> list[Score]:
-    """Runs one clip on one thread of OpenCV's. Raises InputError or RunError that names it."""
-    cv2.setNumThreads(1)
+def evaluate_clip(clip: Clip) -> Result:
+    """Runs one clip. Raises InputError or RunError that names it."""
     source = _opened(clip)
     fps = source.cameras[0].fps
     period_ns = period_of(fps)
     rows: dict[str, list[Row]] = {}
+    reports: list[Report] = []
 
-    def collect(verdict: Report) -> None:
-        if not isinstance(verdict, Verdict):
-            return
-        known = row(verdict, period_ns)
-        if known is not None:
-            rows.setdefault(verdict.pair, []).append(known)
+    def collect(report: Report) -> None:
+        if isinstance(report, Event):
+            reports.append(report)
+        elif isinstance(report, Verdict):
+            known = row(report, period_ns)
+            if known is not None:
+                rows.setdefault(report.pair, []).append(known)
+            reports.append(replace(report, evidence=(), content=None))
 
     try:
-        Run(assemble(clip.plan(KINDS), source, console=io.StringIO(), on_report=collect)).execute()
+        parts = assemble(clip.plan(KINDS), source, console=io.StringIO(), on_report=collect)
+        pairs = [pair.name for pair in build_rig(clip.plan(KINDS), source.cameras).pairs]
+        Run(parts).execute()
     except RunError as error:
         raise RunError(f"{clip.label}: {error}") from None
-    return [
-        score(
-            Score(clip.recording, clip.manipulation, clip.seed, pair),
-            of_pair,
-            fps=fps,
-            warm_up_s=clip.warm_up_s,
-            warm_up_frames=clip.warm_up_frames,
-        )
-        for pair, of_pair in rows.items()
-    ]
+    result = Result()
+    for pair in pairs:
+        empty = Score(clip.recording, clip.manipulation, clip.seed, pair)
+        of_pair = rows.get(pair, [])
+        told = score(empty, of_pair, fps=fps, warm_up_s=clip.warm_up_s, warm_up_frames=clip.warm_up_frames)
+        result.scores.append(told)
+        result.outcomes.append(outcome_of(clip, pair, fps, reports))
+        result.timelines.append(timeline_of(reports, pair, fps))
+    return result
 
 
 def _opened(clip: Clip) -> Source:

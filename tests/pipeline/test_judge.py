@@ -110,7 +110,7 @@ GOOD, BAD = (stamps(0), content(0, 0.01)), (stamps(0), content(1, 0.01))
 
 def test_the_first_convincing_frame_is_enough_and_a_change_takes_two_of_pictures_and_four_of_stamps():
     assert states(judged([GOOD] * 5 + [BAD] * 5)) == "ssssss" + "aaaa"
-    assert states(judged([(stamps(0),)] * 5 + [(stamps(1),)] * 6)) == "ssssssss" + "aaa"
+    assert states(judged([(stamps(0),)] * 15 + [(stamps(1),)] * 6)) == "s" * 18 + "aaa"
 
 
 @pytest.mark.parametrize("outlier", [BAD, (stamps(1), content(None))])

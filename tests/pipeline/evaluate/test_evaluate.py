@@ -54,7 +54,7 @@ def test_the_spatial_detector_is_right_on_what_it_can_see(evaluated):
 @pytest.mark.parametrize(
     ("suite", "said"),
     [
-        ("recordings: {a: {type: synthetic}}\ndetectors: {spatial: }\n", "manipulations: required"),
+        ("recordings: {a: {type: synthetic}}\ndetectors: {spatial: }\n", "manipulations or scenarios are required"),
         (SUITE.replace("frames: -1}", "frame: -1}"), "did you mean 'frames'?"),
         (SUITE.replace("spatial", "spacial"), "did you mean 'spatial'?"),
         (SUITE.replace("every: 2", "every: 0"), "must be at least 1"),

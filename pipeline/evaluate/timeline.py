@@ -1,0 +1,101 @@
+"""One run as stretches of time, small enough to be drawn: what was true, what was said, and when events began."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from pipeline.frame import NS_PER_MS
+from pipeline.verdict import Event, Report, Verdict
+
+MOST_POINTS = 1000
+"""Points of a curve: as many as a screen has columns."""
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A stretch in seconds, with what held meanwhile."""
+
+    from_s: float
+    to_s: float
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """An offset and its standard error, None where nothing was told. true_ms: what it really was, where it is known."""
+
+    at_s: float
+    true_ms: float | None
+    told_ms: float | None
+    sigma_ms: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """An event, or a note that is seen for the first time, in words."""
+
+    at_s: float
+    kind: str
+    text: str
+
+
+@dataclass(slots=True)
+class Timeline:
+    """truth: sync, async or unknown. said: a state, with its cause or reason after a space."""
+
+    duration_s: float
+    tolerance_ms: float
+    truth: list[Span] = field(default_factory=list)
+    said: list[Span] = field(default_factory=list)
+    points: list[Point] = field(default_factory=list)
+    marks: list[Mark] = field(default_factory=list)
+
+
+def timeline_of(reports: Sequence[Report], pair: str, fps: float) -> Timeline:
+    verdicts = [item for item in reports if isinstance(item, Verdict) and item.pair == pair]
+    made = Timeline(len(verdicts) / fps, verdicts[0].tolerance_ns / NS_PER_MS if verdicts else 0.0)
+    made.truth = _spans(verdicts, fps, lambda one: one.truth.state.value if one.truth else "unknown")
+    made.said = _spans(verdicts, fps, _said)
+    every = max(1, len(verdicts) // MOST_POINTS)
+    made.points = [_point(n / fps, verdict) for n, verdict in enumerate(verdicts) if n % every == 0]
+    made.marks = _marks(reports, pair, fps)
+    return made
+
+
+def _said(verdict: Verdict) -> str:
+    why = verdict.cause or verdict.reason
+    return f"{verdict.state.value} {why.value}" if why else verdict.state.value
+
+
+def _spans(verdicts: Sequence[Verdict], fps: float, what: Callable[[Verdict], str]) -> list[Span]:
+    spans: list[Span] = []
+    for n, verdict in enumerate(verdicts):
+        held, end_s = what(verdict), (n + 1) / fps
+        if spans and spans[-1].what == held:
+            spans[-1] = Span(spans[-1].from_s, end_s, held)
+        else:
+            spans.append(Span(n / fps, end_s, held))
+    return spans
+
+
+def _point(at_s: float, verdict: Verdict) -> Point:
+    def ms(value_ns: int | None) -> float | None:
+        return None if value_ns is None else value_ns / NS_PER_MS
+
+    true_ns = None if verdict.truth is None else verdict.truth.offset_ns
+    return Point(at_s, ms(true_ns), ms(verdict.offset_ns), ms(verdict.sigma_ns))
+
+
+def _marks(reports: Sequence[Report], pair: str, fps: float) -> list[Mark]:
+    marks: list[Mark] = []
+    seen: set[str] = set()
+    at = 0
+    for report in reports:
+        if isinstance(report, Verdict) and report.pair == pair:
+            at += 1
+            marks += [Mark((at - 1) / fps, "note", note) for note in report.notes if note not in seen]
+            seen.update(report.notes)
+        elif isinstance(report, Event) and report.pair in {pair, None}:
+            marks.append(Mark(max(at - 1, 0) / fps, f"{report.kind} {report.phase}", report.text))
+    return marks
