@@ -44,6 +44,7 @@ from pipeline.faults.stamps import (
 )
 from pipeline.faults.swap import Swap, SwapSettings
 from pipeline.frame import NS_PER_MS, Camera, Detector, Pair, Renderer, Rig, Source
+from pipeline.geometry.rig import RigGeometry
 from pipeline.health.observer import Observer
 from pipeline.judge import Judge
 from pipeline.plan import Kind, Kinds, Plan
@@ -216,6 +217,7 @@ def assemble(
             ranges=_ranges(plan, rig),
         ),
         aligner=None if config.align is None else Aligner(config.align, rig),
+        geometry=None if classic else RigGeometry(rig),
         status=StatusKeeper(
             rig,
             unknown_is=Level(config.judge.unknown_is),

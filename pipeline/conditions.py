@@ -101,11 +101,7 @@ class Conditions:
     def finish(self) -> list[Event]:
         """Closes what is open when the run ends."""
         now_ns = self._wall_ns()
-        return [self._end(key, now_ns, f"{self._what(key)} to the end") for key in list(self._open)]
-
-    def _what(self, key: tuple[str, str]) -> str:
-        kind, whom = key
-        return f"{whom} was {'out of sync' if kind == 'async' else kind.replace('_', ' ')}"
+        return [self._end(key, now_ns, f"to the end: {event.text}") for key, event in list(self._open.items())]
 
     def _flip(
         self, key: tuple[str, str], text: str, since_ns: int, *, pair: str | None = None, camera: str | None = None

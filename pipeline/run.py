@@ -15,11 +15,12 @@ from pipeline.buffer import WindowBuffer
 from pipeline.conditions import Conditions
 from pipeline.errors import RunError, SyncwatchError
 from pipeline.frame import NS_PER_S, Detector, Source, Window
+from pipeline.geometry.rig import RigGeometry
 from pipeline.health.observer import Observation, Observer
 from pipeline.judge import Judge
 from pipeline.queues import BoundedQueue, QueueClosedError
 from pipeline.status import StatusKeeper
-from pipeline.verdict import Event, Evidence, Report, Sink, Verdict
+from pipeline.verdict import Event, Evidence, Report, Sink, State, Verdict
 
 log = logging.getLogger("syncwatch.run")
 
@@ -55,6 +56,7 @@ class Parts:
     detectors: Mapping[str, Detector]
     judge: Judge
     aligner: Aligner | None
+    geometry: RigGeometry | None
     status: StatusKeeper
     conditions: Conditions
     sinks: Mapping[str, Sink]
@@ -289,9 +291,17 @@ class Run:
             except Exception as error:  # a user's own detector may raise anything
                 raise _explained(f"detector '{name}' failed at window {window.index}", error) from error
         verdicts = parts.judge.judge(window, evidence, observation)
-        self._tell(verdicts, parts.conditions.observe(observation))
+        self._tell(verdicts, [*parts.conditions.observe(observation), *self._geometry_events(window, verdicts)])
         if parts.aligner is not None:
             self._report_all(parts.aligner.take(window, verdicts))
+
+    def _geometry_events(self, window: Window, verdicts: Sequence[Verdict]) -> list[Event]:
+        """What has become of the rig's geometry, looked at where pairs are not known to be out of sync."""
+        parts = self._parts
+        apart = {verdict.pair for verdict in verdicts if verdict.state is State.ASYNC}
+        findings = parts.geometry.see(window, apart) if parts.geometry is not None else ()
+        events = (parts.conditions.tell(one.kind, one.pair, one.phase, one.worst, one.text) for one in findings)
+        return [event for event in events if event is not None]
 
     def _tell(self, verdicts: Sequence[Verdict], events: Sequence[Event] = ()) -> None:
         parts = self._parts

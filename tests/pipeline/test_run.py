@@ -44,6 +44,7 @@ def run_of(
             detectors={"timestamp": detector or timestamp},
             judge=Judge(JudgeSettings(), RIG),
             aligner=None,
+            geometry=None,
             status=StatusKeeper(
                 RIG, unknown_is=Level.OK, version="0", wall_ns=time.time_ns, monotonic_ns=time.monotonic_ns
             ),
