@@ -5,10 +5,10 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help run test accuracy classic bench clean
+.PHONY: help run test evaluate evaluate-full accuracy classic bench clean
 
 help:  ## what can be made
-	@awk -F':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' Makefile
+	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "make %-13s %s\n", $$1, $$2}' Makefile
 
 $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { echo "syncwatch needs Python 3.10 or later: make PYTHON=python3.11 run" >&2; exit 2; }
@@ -28,6 +28,13 @@ test: $(INSTALLED)  ## everything CI runs: style, types, tests
 
 accuracy: $(INSTALLED)  ## measure the content offset against its goals, into docs/accuracy.md (a quarter of an hour)
 	$(BIN)/python -m benchmarks.accuracy
+
+evaluate: $(INSTALLED)  ## every failure seen in the field, injected and judged, into build/evaluation (a few minutes)
+	$(BIN)/syncwatch evaluate examples/suite.yaml --report build/evaluation
+
+evaluate-full: $(INSTALLED)  ## the same with ten seeds, and two rendered hours with nothing wrong (an hour)
+	$(BIN)/syncwatch evaluate examples/suite.yaml --set seeds=[0,1,2,3,4,5,6,7,8,9] --report build/evaluation-full
+	$(BIN)/syncwatch evaluate examples/suite-hours.yaml --report build/evaluation-hours
 
 classic: $(INSTALLED)  ## score the report's detectors on the real recordings, into docs/classic-algorithm.md
 	$(BIN)/python -m benchmarks.classic

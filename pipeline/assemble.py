@@ -22,6 +22,7 @@ from pipeline.faults.base import Fault
 from pipeline.faults.content_shift import ContentShift, ContentShiftSettings
 from pipeline.faults.dark import Dark, DarkSettings
 from pipeline.faults.drop import Drop, DropSettings
+from pipeline.faults.exposure import Exposure, ExposureSettings
 from pipeline.faults.frame_repeat import FrameRepeat, FrameRepeatSettings
 from pipeline.faults.free_run import FreeRun, FreeRunSettings
 from pipeline.faults.frozen import Frozen, FrozenSettings
@@ -114,6 +115,7 @@ KINDS = Kinds(
             "truncate": Kind(TruncateSettings, lambda s, c, seed, _: Truncate(s, c, seed)),
             "knock": Kind(KnockSettings, lambda s, c, seed, _: Knock(s, c, seed)),
             "dark": Kind(DarkSettings, lambda s, c, seed, _: Dark(s, c, seed)),
+            "exposure": Kind(ExposureSettings, lambda s, c, seed, _: Exposure(s, c, seed)),
             "dead": Kind(DeadSettings, lambda s, c, seed, _: Dead(s, c, seed)),
         },
         "detectors": {

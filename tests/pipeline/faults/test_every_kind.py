@@ -34,6 +34,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "truncate": {"frames": 3},
     "knock": {"roll_deg": 4},
     "dark": {},
+    "exposure": {"period_s": 1.1},
     "dead": {},
 }
 FAULTS = {kind: {"type": kind, **settings} for kind, settings in EXAMPLES.items()}
@@ -57,6 +58,7 @@ WITNESSES = {
     "truncate": {"missing"},
     "knock": {"picture"},
     "dark": {"picture"},
+    "exposure": {"picture"},
     "dead": {"missing"},
 }
 """What each kind bends; everything else it leaves as it was."""
@@ -190,7 +192,7 @@ def test_the_truth_is_right_however_two_of_them_are_combined(kind, source):
             frames = delivered(one, other, source=source(count=LENGTH))
             kinds = {one["type"], other["type"]}
             assert kinds & {"dead", "drop", "truncate"} or len(frames) > LENGTH
-            if "dark" not in kinds:
+            if not kinds & {"dark", "exposure"}:
                 for item in frames:
                     told = source(count=LENGTH).shown(item.truth.shown_ns)
                     assert np.array_equal(item.image, told), f"{one} then {other}: {item}"

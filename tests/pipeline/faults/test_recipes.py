@@ -16,6 +16,7 @@ from pipeline.configtext.document import load_text
 from pipeline.errors import InputError
 from pipeline.plan import make_plan
 from pipeline.run import Run
+from pipeline.verdict import Verdict
 from tests.pipeline.faults.streams import delivered, periods, seconds
 from tests.programs import lines_of, syncwatch, write_folders
 
@@ -211,5 +212,5 @@ def frames_judged(plan):
     source = build_source(plan)
     source.open()
     said = []
-    Run(assemble(plan, source, console=io.StringIO(), on_verdict=said.append)).execute()
-    return [verdict.frame for verdict in said]
+    Run(assemble(plan, source, console=io.StringIO(), on_report=said.append)).execute()
+    return [report.frame for report in said if isinstance(report, Verdict)]
