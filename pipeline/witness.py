@@ -38,8 +38,8 @@ UNSIGNED_SUPPORT = SURE / 2
 LEAST_SUPPORT = 1.9
 """Support of pictures below which they decide nothing: that of two standard errors is 2."""
 
-FIRST_SIGMA = 0.25
-"""Error of stamps, in tolerances, before their jitter is known; and at least, for clocks tick in steps, too."""
+FIRST_SIGMA, LEAST_SIGMA = 0.25, 0.05
+"""Error of stamps, in tolerances, before their jitter is known, and at least afterwards, for clocks tick in steps."""
 
 DRIFTED = 0.5
 """Tolerances that a drift must have added up to, before it is called the cause."""
@@ -113,7 +113,8 @@ class StampWitness:
     @property
     def sigma_ns(self) -> float:
         """One standard error of a single difference of stamps."""
-        return max(FIRST_SIGMA * self._tolerance_ns, self._jitter_ns)
+        least = LEAST_SIGMA if len(self._steps) >= LEAST_COMPARED else FIRST_SIGMA
+        return max(least * self._tolerance_ns, self._jitter_ns)
 
     @property
     def _jitter_ns(self) -> float:

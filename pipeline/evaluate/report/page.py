@@ -19,7 +19,7 @@ from pipeline.verdict import CAUSE_WORDS, Cause
 
 DRAWING = """
 text{font:12px sans-serif;fill:currentColor}.in{fill:#fff}.count{font-size:20px}
-.sync{fill:#2a9d5c}.async,.wrong{fill:#d1382c}.unknown{fill:#b9a44c}
+.sync,.right{fill:#2a9d5c}.async,.wrong{fill:#d1382c}.unknown{fill:#b9a44c}
 .tolerance{fill:#888;fill-opacity:.18}.error{fill:#3778c2;fill-opacity:.25}
 .told,.true{fill:none;stroke-width:1.6}.told{stroke:#3778c2}.true{stroke:currentColor;stroke-dasharray:5 4}
 .event{stroke:#d1382c;stroke-width:2}.note{stroke:#8a63c9;stroke-width:1.4;stroke-dasharray:2 3}

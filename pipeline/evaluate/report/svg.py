@@ -118,7 +118,7 @@ def confusion_svg(counts: Mapping[str, Mapping[str, int]]) -> str:
         for column, said in enumerate(STATES):
             count = of_row.get(said, 0)
             share = count / total if total else 0.0
-            kind = said if said in {true, "unknown"} else "wrong"
+            kind = "right" if said == true else "unknown" if said == "unknown" else "wrong"
             x = left + column * cell
             parts.append(
                 f'<rect class="{kind}" x="{x}" y="{y}" width="{cell - 3}" height="{cell - 3}" '
