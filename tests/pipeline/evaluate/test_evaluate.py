@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
+from pipeline.assemble import KINDS
 from pipeline.evaluate.subsample import SubsampledSource
 from pipeline.evaluate.suite import load_suite
 from syncwatch.testing import ScriptedSource
 from tests.frames import PERIOD_NS, RIG, frame
-from tests.programs import syncwatch, write_folders
+from tests.programs import ROOT, syncwatch, write_folders
 
 SUITE = """
 data: clips
@@ -69,6 +71,96 @@ def test_a_suite_that_cannot_run_is_refused(tmp_path, suite, said):
     assert done.returncode == 2, done.stderr
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+
+
+STAGED = """
+recordings:
+  rendered: {type: synthetic, duration_s: 5, fps: 10, width: 160, height: 120}
+scenarios:
+  stale:
+    row: F2
+    about: Pictures are <b>old</b>.
+    recording: rendered
+    faults: [{type: slip, frames: -1, start_s: 2}]
+    expect: {state: async, cause: slip}
+  fine: {recording: rendered, expect: {state: sync}}
+seeds: [0, 1]
+detectors: {timestamp: {}}
+"""
+
+
+@pytest.fixture(scope="module")
+def staged(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("staged")
+    (folder / "suite.yaml").write_text(STAGED)
+    done = syncwatch("evaluate", "suite.yaml", "--report", "out/report", "--json", "result.json", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder, done
+
+
+def test_scenarios_are_judged_with_every_seed_and_told_in_a_table(staged):
+    folder, done = staged
+    told = json.loads((folder / "result.json").read_text())
+    assert [(run["scenario"], run["seed"], run["right"]) for run in told["runs"]] == [
+        ("stale", 0, True), ("stale", 1, True), ("fine", 0, True), ("fine", 1, True),
+    ]  # fmt: skip
+    assert told["scenarios"]["stale"]["row"] == "F2"
+    assert told["scenarios"]["stale"]["right"] == "2/2"
+    assert told["confusion"]["sync"]["async"] == 0
+    assert "stale" in done.stdout
+    assert "2/2" in done.stdout
+
+
+def test_the_report_needs_nothing_else_and_says_what_is_wrong(staged):
+    folder, _ = staged
+    page = (folder / "out" / "report" / "index.html").read_text()
+    assert "Right is 100.0 ms earlier than left" in page
+    assert "Pictures are &lt;b&gt;old&lt;/b&gt;." in page
+    assert "Nothing is wrong with this rig." in page
+    assert "4 of 4 runs were judged as they must be" in page
+    assert page.count("<svg") == 1 + 4
+    assert not re.search(r"(src|href)=|@import|url\(|<script", page)
+    assert (folder / "out" / "report" / "confusion.svg").read_text().startswith("<svg")
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        (STAGED.replace("cause: slip", "cause: slips"), "'slips'"),
+        (STAGED.replace("recording: rendered, expect", "recording: other, expect"), "no recording 'other'"),
+        (STAGED.replace("state: sync}", "state: sync, notes: [dropp]}"), "'dropp'"),
+        (STAGED.replace("state: sync}", "state: sync, cause: slip}"), "a cause belongs to the state async"),
+        (STAGED.replace("expect: {state: sync}", "expects: {state: sync}"), "did you mean 'expect'?"),
+    ],
+)
+def test_a_scenario_that_asks_for_what_does_not_exist_is_refused_with_its_place(tmp_path, broken, said):
+    (tmp_path / "suite.yaml").write_text(broken)
+    done = syncwatch("evaluate", "suite.yaml", cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert said in done.stderr
+    assert done.stderr.startswith("suite.yaml:")
+    assert "Traceback" not in done.stderr
+
+
+def test_a_report_is_not_written_over_a_file(tmp_path):
+    (tmp_path / "suite.yaml").write_text(STAGED)
+    (tmp_path / "taken").write_text("")
+    done = syncwatch("evaluate", "suite.yaml", "--report", "taken", cwd=tmp_path)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "this is a file" in done.stderr
+
+
+@pytest.mark.parametrize("suite", ["suite.yaml", "suite-real.yaml", "suite-hours.yaml"])
+def test_the_suites_that_come_along_can_be_read(suite):
+    clips = load_suite(ROOT / "examples" / suite, {})
+    for clip in clips:
+        clip.plan(KINDS)
+    assert clips
+
+
+def test_there_is_a_scenario_for_every_row_of_the_catalogue():
+    rows = [clip.scenario.row for clip in load_suite(ROOT / "examples" / "suite.yaml", {}) if clip.scenario]
+    assert [row for row in rows if row] == [f"F{n}" for n in range(1, 28)]
 
 
 def test_a_missing_recording_is_one_line_said_before_anything_runs(tmp_path):
