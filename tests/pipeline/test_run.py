@@ -5,8 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import pipeline.run
@@ -19,7 +21,7 @@ from pipeline.health.observer import Observer
 from pipeline.judge import Judge, JudgeSettings
 from pipeline.run import Parts, Run
 from pipeline.status import StatusKeeper
-from pipeline.verdict import Evidence, Level, Report, Sink
+from pipeline.verdict import Cause, Evidence, Level, Report, Sink, State
 from syncwatch.testing import ListSink, ScriptedSource, Step
 from tests.frames import PERIOD_NS, RIG, frame
 
@@ -289,6 +291,41 @@ def test_a_partner_that_dies_is_told_in_place_of_the_alarm():
     run_of([*frames(10), *frames(20, 10, PERIOD_NS), *left], sink).execute()
     assert sink.statuses[-1].level is Level.ERROR
     assert sink.statuses[-1].reasons == ("left-right: right delivers nothing (missing)",)
+
+
+def test_live_cameras_that_all_fall_silent_are_told_by_the_clock_and_once_a_second():
+    now_ns = time.monotonic_ns()
+    sink = ListSink()
+    stream = [replace(item, arrived_ns=now_ns) for item in frames(20)]
+    run_of([*stream, threading.Event()], sink, live=True, stop_after_s=2.5).execute()
+    silent = [verdict for verdict in sink.verdicts if verdict.frame is None]
+    assert 1 <= len(silent) <= 3
+    assert {(one.state, one.cause, one.camera) for one in silent} == {(State.ASYNC, Cause.MISSING, "left")}
+    assert [(event.phase, event.cause, event.camera) for event in sink.events] == [
+        ("onset", Cause.MISSING, "left"),
+        ("end", Cause.MISSING, "left"),
+    ]
+    assert sink.statuses[-1].level is Level.ERROR
+
+
+def test_a_recording_that_is_read_slowly_is_not_a_silent_rig():
+    sink = ListSink()
+    run_of([*frames(20), threading.Event()], sink, stop_after_s=1.2).execute()
+    assert sink.events == []
+
+
+def test_what_is_amiss_with_a_camera_is_a_warning():
+    dark = [replace(item, image=np.zeros((2, 2), np.uint8)) if item.camera == "right" else item for item in frames(20)]
+    sink = ListSink()
+    run_of(dark, sink).execute()
+    assert [(event.kind, event.phase, event.camera) for event in sink.events] == [
+        ("dark", "onset", "right"),
+        ("dark", "end", "right"),
+    ]
+    warned = [status for status in sink.statuses if status.level is Level.WARN]
+    assert warned
+    assert warned[0].reasons == ("right sees nothing: its pictures are dark",)
+    assert warned[0].to_message()["cameras"]["right"]["conditions"] == ["dark"]
 
 
 def test_an_abandoned_run_is_not_an_error_of_a_part():
