@@ -14,7 +14,7 @@ MOST_STRETCHES = 100
 
 @dataclass(slots=True)
 class Injected:
-    """A stretch during which a pair was out of sync on purpose; `found` is the frames it took to say so."""
+    """A stretch during which a pair was out of sync on purpose; `found` is the frames until it was said, to stay so."""
 
     frames: int = 0
     in_a_row: int = 0
@@ -122,7 +122,7 @@ class PairTally:
             stretch.in_a_row = 0
         stretch.in_a_row += state is State.ASYNC
         if stretch.in_a_row == CONFIRM and stretch.found is None:
-            stretch.found = stretch.frames
+            stretch.found = stretch.frames - CONFIRM
 
     def _follow_streak(self, state: State) -> None:
         if state is State.ASYNC:
