@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from pipeline.tally import PairTally, Stretch, Tally
-from pipeline.verdict import CAUSE_WORDS, REASON_WORDS, State
-from pipeline.words import describe
+from pipeline.verdict import State
+from pipeline.words import CAUSE_WORDS, REASON_WORDS, describe
 
 ENOUGH = 10
 """Frames that must agree before anything is said of a recording: fewer are an anecdote."""

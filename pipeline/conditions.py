@@ -144,7 +144,7 @@ class Conditions:
         worst: Mapping[str, float | None] = {}
         for said in change.verdicts:
             worst = self._worse(worst, said)
-        since = "" if change.first.frame is None else f" since frame {change.first.frame}"
+        since = "" if change.since_frame is None else f" since frame {change.since_frame}"
         return self._begin(
             ("async", verdict.pair),
             f"{describe(verdict)}{since}",
@@ -165,7 +165,7 @@ class Conditions:
 
     def _changed_end(self, key: tuple[str, str], change: Change) -> list[Event]:
         if change.state is State.SYNC:
-            since = "" if change.first.frame is None else f" from frame {change.first.frame}"
+            since = "" if change.since_frame is None else f" from frame {change.since_frame}"
             return [self._end(key, change.since_ns, f"{key[1]} in sync again{since}")]
         if alike(self._told[key[1]], change.last):
             return []

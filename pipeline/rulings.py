@@ -32,6 +32,7 @@ class Ruling:
     reason: Reason | None = None
     decisive: Evidence | None = None
     camera: str | None = None
+    since_frame: int | None = None
     pace: Pace = field(default_factory=Pace)
     notes: tuple[Note, ...] = ()
 
@@ -51,6 +52,7 @@ class PairJudge(ABC):
         self._period_ns = rig.camera(pair.first).period_ns
         self._tolerance_ns = tolerance_ns
         self._range = range_of
+        self._number: int | None = None
 
     @property
     def name(self) -> str:
@@ -59,10 +61,11 @@ class PairJudge(ABC):
     def judge(self, window: Window, evidence: Sequence[Evidence], seen: Observation) -> Verdict | None:
         """The verdict of a window; None where there is nothing to say of a hole of the first camera."""
         first, second = (window.cameras[name].current for name in (self._pair.first, self._pair.second))
+        self._number = window.cameras[self._pair.first].number
         if first is None:
             return self.first_is_silent(seen)
         ruling = self.unpaired(seen) if second is None else self.rule(first, second, evidence, seen)
-        return self.verdict(ruling, evidence, seen, window.cameras[self._pair.first].number, first, second)
+        return self.verdict(ruling, evidence, seen, self._number, first, second)
 
     @abstractmethod
     def rule(self, first: Frame, second: Frame, evidence: Sequence[Evidence], seen: Observation) -> Ruling:
@@ -103,6 +106,7 @@ class PairJudge(ABC):
             cause=ruling.cause,
             reason=ruling.reason,
             camera=ruling.camera,
+            since_frame=ruling.since_frame,
             offset_ns=offset_ns,
             sigma_ns=None if told is None else told.sigma_ns,
             offset_frames=None if told is None else told.offset_frames,
@@ -162,6 +166,9 @@ class WeighedPair(PairJudge):
         self._pictures = PictureWitness(pair, rig, tolerance_ns)
         self._belief = Belief()
         self._cause = SteadyCause()
+        self._said = Ruling()
+        self._since: int | None = None
+        self._doubted_since: int | None = None
         self._windows_a_second = max(1, round(rig.camera(pair.first).fps))
         self._silent_windows = 0
 
@@ -213,10 +220,22 @@ class WeighedPair(PairJudge):
         return Ruling(reason=stamps if stamps in TELLING else pictures)
 
     def _rest_on(self, witness: Testimony) -> Ruling:
+        """What is believed; a frame that contradicts it adds its doubt, and what was said before is said once more."""
         of_pictures = witness.evidence.basis is Basis.CONTENT
+        before = self._belief.state
+        if self._doubted_since is None:
+            self._doubted_since = self._number
         state = self._belief.add(witness.support, MOST_PICTURES if of_pictures else MOST_STAMPS)
+        if state is not before:
+            self._since = self._doubted_since
         if state is State.UNKNOWN:
             return Ruling(reason=Reason.WARMING_UP)
+        if (state is State.ASYNC) == (witness.support > 0):
+            self._doubted_since = None
+            self._said = replace(self._ruling(state, witness), since_frame=self._since)
+        return self._said
+
+    def _ruling(self, state: State, witness: Testimony) -> Ruling:
         decisive = replace(
             witness.evidence,
             offset_ns=round(witness.offset_ns),

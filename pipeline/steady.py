@@ -33,6 +33,11 @@ class Change:
         return self.verdicts[0]
 
     @property
+    def since_frame(self) -> int | None:
+        """The frame since when it has been so: by the judge's own account, else that of the first verdict."""
+        return self.first.frame if self.first.since_frame is None else self.first.since_frame
+
+    @property
     def last(self) -> Verdict:
         return self.verdicts[-1]
 

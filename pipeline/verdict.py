@@ -36,7 +36,7 @@ class Basis(str, Enum):
 
 
 class Cause(str, Enum):
-    """Why a pair is out of sync; `CAUSE_WORDS` says it to people."""
+    """Why a pair is out of sync (words.py says it to people)."""
 
     SLIP = "slip"
     PHASE = "phase"
@@ -46,18 +46,8 @@ class Cause(str, Enum):
     MISSING = "missing"
 
 
-CAUSE_WORDS = {
-    Cause.SLIP: "whole frames apart: stamps and pictures say so alike",
-    Cause.PHASE: "a constant part of a frame apart: the cameras are not triggered together",
-    Cause.STAMPS_LIE: "the pictures are apart although the stamps say otherwise",
-    Cause.FREE_RUN: "the cameras run at different rates and drift apart",
-    Cause.FROZEN: "one camera shows the same picture again and again while another sees things move",
-    Cause.MISSING: "a camera delivers nothing any more",
-}
-
-
 class Reason(str, Enum):
-    """Why nothing can be said of a pair; `REASON_WORDS` says it to people."""
+    """Why nothing can be said of a pair (words.py says it to people)."""
 
     NO_MOTION = "no_motion"
     NO_OVERLAP = "no_overlap"
@@ -68,19 +58,6 @@ class Reason(str, Enum):
     WIDE_ERROR = "wide_error"
     STAMPS_DISPROVED = "stamps_disproved"
     NO_EVIDENCE = "no_evidence"
-
-
-REASON_WORDS = {
-    Reason.NO_MOTION: "nothing moves in a way that tells time",
-    Reason.NO_OVERLAP: "the cameras do not see the same things",
-    Reason.NO_TEXTURE: "there is nothing in the pictures to hold on to",
-    Reason.DARK: "a camera sees nothing",
-    Reason.WARMING_UP: "too little has been seen so far",
-    Reason.UNPAIRED: "the other camera's frame is missing",
-    Reason.WIDE_ERROR: "the pictures tell the offset too inexactly",
-    Reason.STAMPS_DISPROVED: "the pictures cannot tell, and they have shown before that the stamps are wrong",
-    Reason.NO_EVIDENCE: "there is no evidence that counts",
-}
 
 
 class Level(str, Enum):
@@ -167,7 +144,8 @@ class Verdict:
 
     frame: counts the first camera's frames from 0; None while that camera is silent.
     cause: None unless async. reason: None unless unknown.
-    camera: the one that is frozen or missing; None where only the pair can be blamed.
+    camera: the one that is frozen or missing; None where only the pair can be blamed. since_frame: the first frame that
+    spoke for the state that is believed now, told from when it is believed; None where nothing is.
     sequence, captured_ns: by camera, None for a missing partner or counter.
     """
 
@@ -182,6 +160,7 @@ class Verdict:
     sigma_ns: int | None = None
     offset_frames: float | None = None
     camera: str | None = None
+    since_frame: int | None = None
     tolerance_ns: int = 0
     drift: Pace = field(default_factory=Pace)
     range_error: RangeError | None = None
@@ -210,6 +189,7 @@ class Verdict:
             "state": self.state.value,
             "cause": self.cause and self.cause.value,
             "camera": self.camera,
+            "since_frame": self.since_frame,
             "reason": self.reason and self.reason.value,
             "basis": self.basis.value,
             "offset_ms": ms(self.offset_ns),

@@ -2,7 +2,28 @@
 
 from __future__ import annotations
 
-from pipeline.verdict import Cause, Verdict, ms
+from pipeline.verdict import Cause, Reason, Verdict, ms
+
+CAUSE_WORDS = {
+    Cause.SLIP: "whole frames apart: stamps and pictures say so alike",
+    Cause.PHASE: "a constant part of a frame apart: the cameras are not triggered together",
+    Cause.STAMPS_LIE: "the pictures are apart although the stamps say otherwise",
+    Cause.FREE_RUN: "the cameras run at different rates and drift apart",
+    Cause.FROZEN: "one camera shows the same picture again and again while another sees things move",
+    Cause.MISSING: "a camera delivers nothing any more",
+}
+
+REASON_WORDS = {
+    Reason.NO_MOTION: "nothing moves in a way that tells time",
+    Reason.NO_OVERLAP: "the cameras do not see the same things",
+    Reason.NO_TEXTURE: "there is nothing in the pictures to hold on to",
+    Reason.DARK: "a camera sees nothing",
+    Reason.WARMING_UP: "too little has been seen so far",
+    Reason.UNPAIRED: "the other camera's frame is missing",
+    Reason.WIDE_ERROR: "the pictures tell the offset too inexactly",
+    Reason.STAMPS_DISPROVED: "the pictures cannot tell, and they have shown before that the stamps are wrong",
+    Reason.NO_EVIDENCE: "there is no evidence that counts",
+}
 
 
 def describe(verdict: Verdict) -> str:

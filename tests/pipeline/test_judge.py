@@ -119,6 +119,17 @@ def test_one_outlier_changes_nothing_however_often_it_comes(outlier):
     assert set(states(judged([*[usual] * 9, outlier] * 20))) == {"s"}
 
 
+def test_a_frame_that_is_not_believed_yet_does_not_lend_its_offset():
+    said = judged([(stamps(0),)] * 15 + [(stamps(1),)] * 6 + [(stamps(0),)] * 6)
+    told = [(one.state.value[0], round(one.offset_frames or 0)) for one in said]
+    assert told == [("s", 0)] * 18 + [("a", 1)] * 6 + [("s", 0)] * 3
+
+
+def test_it_says_since_when():
+    said = judged([(stamps(0),)] * 15 + [(stamps(1),)] * 6 + [(stamps(0),)] * 6)
+    assert [one.since_frame for one in said] == [0] * 18 + [15] * 6 + [21] * 3
+
+
 def test_unconvincing_evidence_accumulates():
     assert states(judged([GOOD] * 5 + [(content(0.1, 0.02),)] * 10)) == "s" * 10 + "aaaaa"
 
@@ -251,9 +262,9 @@ def test_the_truth_of_tampered_frames_is_carried_along():
 def test_the_message_is_complete_and_missing_values_are_null():
     message = verdict(stamps(1), content(1)).to_message()
     assert list(message) == [
-        "schema", "rig", "pair", "frame", "state", "cause", "camera", "reason", "basis", "offset_ms",
-        "offset_sigma_ms", "offset_frames", "tolerance_ms", "drift", "content", "evidence", "sequence", "captured_ns",
-        "interval_ms", "notes",
+        "schema", "rig", "pair", "frame", "state", "cause", "camera", "since_frame", "reason", "basis",
+        "offset_ms", "offset_sigma_ms", "offset_frames", "tolerance_ms", "drift", "content", "evidence", "sequence",
+        "captured_ns", "interval_ms", "notes",
     ]  # fmt: skip
     assert message["schema"] == "syncwatch.verdict.v1"
     assert message["offset_sigma_ms"] is None

@@ -65,7 +65,7 @@ def test_the_summary_compares_with_the_truth_where_it_is_known():
     text = shown(*told)
     assert (
         text.splitlines()[-1]
-        == "left-right: 1 of 2 injected faults found (after 5 frames), 1 false alarm, 20 frames misjudged"
+        == "left-right: 1 of 2 injected faults found (after 0 frames), 1 false alarm, 20 frames misjudged"
     )
     assert "async +100.0 ms (slip)" in text
 

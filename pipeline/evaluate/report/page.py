@@ -15,7 +15,8 @@ from pipeline.evaluate.runner import Result
 from pipeline.evaluate.score import Score
 from pipeline.evaluate.suite import Clip
 from pipeline.evaluate.timeline import Timeline
-from pipeline.verdict import CAUSE_WORDS, Cause
+from pipeline.verdict import Cause
+from pipeline.words import CAUSE_WORDS
 
 DRAWING = """
 text{font:12px sans-serif;fill:currentColor}.in{fill:#fff}.count{font-size:20px}
