@@ -17,18 +17,20 @@ class BufferSettings(Settings):
     """How frames are paired over cameras.
 
     pairing_tolerance_ms: how far apart two stamps may be to be handed on together (auto: half a period).
-    max_pending: how many frames of one camera wait for the others before these are given up.
+    max_pending: how many frames of one camera wait for the others before these are given up (auto: as many as come in
+                 half a second and three periods of the slowest camera, 4 to 64).
     """
 
     pairing_tolerance_ms: Literal["auto"] | Annotated[float, Field(gt=0, le=1e9)] = "auto"
-    max_pending: int = Field(default=16, ge=2, le=1000)
+    max_pending: Literal["auto"] | Annotated[int, Field(ge=2, le=1000)] = "auto"
 
 
 def make_pairer(cameras: Sequence[Camera], settings: BufferSettings) -> Pairer:
-    """A pairer as configured. Raises InputError for a tolerance that would reach the next frame but one."""
+    """A pairer as configured. Raises InputError for a tolerance that reaches beyond the next frame: above a period."""
     tolerance = settings.pairing_tolerance_ms
+    max_pending = None if settings.max_pending == "auto" else settings.max_pending
     if tolerance == "auto":
-        return Pairer(cameras, max_pending=settings.max_pending)
+        return Pairer(cameras, max_pending=max_pending)
     tolerance_ns = round(tolerance * NS_PER_MS)
     period_ns = min(camera.period_ns for camera in cameras)
     if tolerance_ns > period_ns:
@@ -36,7 +38,7 @@ def make_pairer(cameras: Sequence[Camera], settings: BufferSettings) -> Pairer:
             f"buffer.pairing_tolerance_ms: {tolerance:g} is more than a period ({period_ns / NS_PER_MS:g} ms): "
             "frames would be paired with others than their own"
         )
-    return Pairer(cameras, tolerance_ns=tolerance_ns, max_pending=settings.max_pending)
+    return Pairer(cameras, tolerance_ns=tolerance_ns, max_pending=max_pending)
 
 
 class WindowBuffer:
@@ -48,6 +50,9 @@ class WindowBuffer:
         windows out      0   1   2       4
         its t-1          .   0   1       -
         its t+1          1   2   -       .    (. beyond the ends of the stream)
+
+    Slots are moments of the rig, as frequent as its fastest camera's frames: t-1 and t+1 of a slower camera are holes
+    unless it took a frame at that very moment. Its own neighbours lie further away in time than `Window.index` tells.
     """
 
     def __init__(self, cameras: Sequence[Camera], settings: BufferSettings) -> None:

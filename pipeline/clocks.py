@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import TypeAlias
 
+from pipeline.clock_alignment import SAME_EPOCH_NS
 from pipeline.drift import Drift, DriftEstimator
 from pipeline.frame import Frame, StampOrigin, StampReference
 from pipeline.notes import Note
-from pipeline.pairing import SAME_EPOCH_NS
 
 HALF = 12
 """Pairs before and after a step that are compared: their medians are three times as exact as one stamp, and the step

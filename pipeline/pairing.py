@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
-from statistics import median
 from typing import TypeAlias
 
+from pipeline.clock_alignment import LEARNING_FRAMES, SAME_EPOCH_NS, Placed, Timeline
 from pipeline.frame import NS_PER_S, Camera, Frame
+
+__all__ = ["SAME_EPOCH_NS", "Counters", "Pairer", "Slot"]
 
 Slot: TypeAlias = dict[str, Frame | None]
 """One frame of every camera, None for a hole. A slot of holes only marks a gap in time."""
 
-LEARNING_FRAMES = 8
-"""Frames a camera must show before its clock is compared with another's: enough for a median to ignore a bad stamp."""
+PATIENCE_NS = NS_PER_S // 2
+PATIENCE_PERIODS = 3
+"""How long a camera is waited for, and periods of the slowest beside it: hosts and buses pause for tenths of a second,
+and a camera that is silent for longer is missing."""
 
-SAME_EPOCH_NS = 2 * NS_PER_S
-"""Stamps of one clock further apart than this cannot be of one epoch: arrival says how they relate."""
-
-FOLLOWING = 1 / 64
-"""Share of each difference by which the offset of another clock follows its drift: two seconds at 30 fps, so that
-jitter averages out and even 1000 ppm stay far below half a period."""
+LEAST_PENDING, MOST_PENDING = 4, 64
+"""Bounds of the frames of one camera that wait: a few where there is a frame a second, half a second at 120 fps."""
 
 
 @dataclass(slots=True)
@@ -39,10 +38,9 @@ class Counters:
 class _Lane:
     """One camera's frames that are not in a slot yet, in order of their key."""
 
+    most: int
     pending: deque[tuple[int, Frame]] = field(default_factory=deque)
-    held: list[Frame] = field(default_factory=list)
-    offset_ns: float = 0.0
-    other_clock: bool = False
+    learning: int = 0
     floor: int | None = None
     last: tuple[int, int | None] | None = None
     epoch: int | None = None
@@ -53,25 +51,32 @@ class _Lane:
 class Pairer:
     """Turns frames of N cameras, in any interleaving, into slots: one to one, in order, with bounded memory.
 
-    Frames are compared by a key: their `group` if every camera has one; else `captured_ns` less the camera's clock
-    offset; else, when stamps do not rise, `arrived_ns`. The offset is learned from the first frames: for cameras that
-    share a clock it is then kept, so that one that runs away shows; for another clock it follows the drift.
+    Frames are compared by their place on the rig's `Timeline`: their `group` if every camera has one; else
+    `captured_ns` less a constant of the clock; else arrival. Cameras of one clock pair by the nearest stamps as they
+    are: one that stamps two frames ahead is paired with the frames two later, and recordings that overlap partly pair
+    where they overlap. Whether these were taken together is for the judge to say.
+
     The earliest frame that is waiting opens a slot; every other camera adds its earliest one if that lies within the
     tolerance, unless it lies in the outer half of it and the opening camera's next frame is nearer. A camera that
-    delivers nothing while another piles up `max_pending` frames is not waited for until it is heard again.
+    delivers nothing while another piles up `max_pending` frames is waited for until the next frame only, until it is
+    heard again. Slots are as frequent as the fastest camera's frames; a slower one has holes between its own.
 
-    tolerance_ns: None means half the shortest period of the cameras.
+    tolerance_ns: None means half the shortest period of the cameras, and more than a period is too much.
+    max_pending: None means as many frames of each camera as come in half a second and three periods of the slowest,
+    4 to 64. As many more are held while the place of a camera's frames is being learned.
     """
 
-    def __init__(self, cameras: Sequence[Camera], *, tolerance_ns: int | None = None, max_pending: int = 16) -> None:
+    def __init__(
+        self, cameras: Sequence[Camera], *, tolerance_ns: int | None = None, max_pending: int | None = None
+    ) -> None:
         self._cameras = tuple(camera.name for camera in cameras)
         self._period_ns = min(camera.period_ns for camera in cameras)
         self._tolerance_ns = self._period_ns // 2 if tolerance_ns is None else tolerance_ns
-        self._max_pending = max_pending
-        self._lanes = {name: _Lane() for name in self._cameras}
-        self._key: Callable[[Frame], int] | None = None
-        self._tolerance = 0
-        self._step = 1.0
+        slowest_ns = max(camera.period_ns for camera in cameras)
+        most = {camera.name: max_pending or _most_pending(camera, slowest_ns) for camera in cameras}
+        self._lanes = {name: _Lane(most[name]) for name in self._cameras}
+        self._timeline = Timeline(cameras, most)
+        self._first: list[Frame] | None = []
         self._last_key: int | None = None
         self._gap_due = False
         zero = dict.fromkeys(self._cameras, 0)
@@ -88,101 +93,106 @@ class Pairer:
             yield from self.flush()
             self._restart()
         lane.epoch, lane.heard, lane.absent = frame.epoch, True, False
-        if self._key is None:
-            lane.held.append(frame)
-            if not self._learned_enough():
-                return
-            self._learn()
-        else:
-            self._enqueue(frame)
-        yield from self._decided(final=False)
+        yield from self._take(frame)
 
     def flush(self) -> Iterator[Slot]:
         """Yields what is left: no more frames will come (or none that compare with these)."""
-        if self._key is None:
-            self._learn()
+        self._learn()
+        for name in self._cameras:
+            self._enqueue(self._timeline.settle(name))
         yield from self._decided(final=True)
 
-    def _restart(self) -> None:
-        """Forgets what was learned; cameras that restart together do so once."""
+    def _restart(self) -> list[Frame]:
+        """Forgets what was learned; cameras that restart together do so once. The frames that had no place yet."""
         for lane in self._lanes.values():
             lane.floor = lane.last = None
             lane.heard = False
-        self._key = None
+            lane.learning = 0
+        self._first = []
         if self._last_key is not None:
             self._last_key = None
             self._gap_due = True
+        return self._timeline.restart()
 
-    def _learned_enough(self) -> bool:
+    def _take(self, frame: Frame) -> Iterator[Slot]:
+        if self._first is not None:
+            self._first.append(frame)
+            self._lanes[frame.camera].learning += 1
+            if not self._learned_enough(self._first):
+                return
+            self._learn()
+        else:
+            self._enqueue(self._timeline.place(frame))
+        if self._timeline.void:
+            yield from self._decided(final=True)
+            for left in self._restart():
+                self._lanes[left.camera].heard = True
+                yield from self._take(left)
+            return
+        yield from self._decided(final=False)
+
+    def _learned_enough(self, first: Sequence[Frame]) -> bool:
         lanes = self._lanes.values()
-        if any(len(lane.held) >= self._max_pending for lane in lanes):
+        if any(lane.learning >= lane.most for lane in lanes):
             return True
-        if all(lane.held for lane in lanes) and self._grouped():
+        if all(lane.learning for lane in lanes) and all(frame.group is not None for frame in first):
             return True
-        return all(len(lane.held) >= LEARNING_FRAMES for lane in lanes)
-
-    def _grouped(self) -> bool:
-        return all(frame.group is not None for lane in self._lanes.values() for frame in lane.held)
+        return all(lane.learning >= LEARNING_FRAMES for lane in lanes)
 
     def _learn(self) -> None:
-        """Chooses the key by the frames held so far and lets them in."""
-        held = {name: lane.held for name, lane in self._lanes.items() if lane.held}
-        if self._grouped():
-            self._key = _group
-            self._tolerance, self._step = 0, 1.0
-        else:
-            self._tolerance, self._step = self._tolerance_ns, self._period_ns
-            if all(_rising([frame.captured_ns for frame in frames]) for frames in held.values()):
-                self._key = self._aligned_stamp
-                reference = next(iter(held.values()), [])
-                for name, frames in held.items():
-                    self._lanes[name].other_clock = frames[0].clock != reference[0].clock
-                    self._lanes[name].offset_ns = _clock_offset_ns(reference, frames, self._period_ns)
+        """Learns by the frames held so far and lets them in."""
+        if self._first is not None:
+            first, self._first = self._first, None
+            self._enqueue(self._timeline.learn(first))
+
+    @property
+    def _tolerance(self) -> int:
+        return 0 if self._timeline.grouped else self._tolerance_ns
+
+    def _enqueue(self, placed: Iterable[Placed]) -> None:
+        for key, frame in placed:
+            lane = self._lanes[frame.camera]
+            if key is None or (lane.floor is not None and key <= lane.floor):
+                repeated = (key, frame.sequence) == lane.last
+                (self.counters.duplicates if repeated else self.counters.late)[frame.camera] += 1
+            elif any(key == other for other, _ in lane.pending):
+                self.counters.duplicates[frame.camera] += 1
             else:
-                self._key = _arrival
-        for frames in held.values():
-            for frame in frames:
-                self._enqueue(frame)
-            frames.clear()
-
-    def _aligned_stamp(self, frame: Frame) -> int:
-        return frame.captured_ns - round(self._lanes[frame.camera].offset_ns)
-
-    def _enqueue(self, frame: Frame) -> None:
-        assert self._key is not None
-        lane = self._lanes[frame.camera]
-        key = self._key(frame) if self._key is not _group or frame.group is not None else None
-        identity = (key, frame.sequence)
-        if key is None or (lane.floor is not None and key <= lane.floor):
-            repeated = identity == lane.last
-            (self.counters.duplicates if repeated else self.counters.late)[frame.camera] += 1
-            return
-        if any(
-            key == other and (self._tolerance == 0 or frame.sequence == seen.sequence) for other, seen in lane.pending
-        ):
-            self.counters.duplicates[frame.camera] += 1
-            return
-        lane.pending.append((key, frame))
-        if len(lane.pending) > 1 and lane.pending[-2][0] > key:
-            lane.pending = deque(sorted(lane.pending, key=lambda item: item[0]))
+                lane.pending.append((key, frame))
+                if len(lane.pending) > 1 and lane.pending[-2][0] > key:
+                    lane.pending = deque(sorted(lane.pending, key=lambda item: item[0]))
 
     def _decided(self, *, final: bool) -> Iterator[Slot]:
         while True:
             waiting = [name for name in self._cameras if self._lanes[name].pending]
             if not waiting:
                 return
-            opener = min(waiting, key=lambda name: self._lanes[name].pending[0][0])
-            forced = final or any(len(self._lanes[name].pending) > self._max_pending for name in waiting)
+            forced = final or any(self._overflows(name) for name in self._cameras)
             silent = [name for name in self._cameras if not self._lanes[name].pending and not self._lanes[name].absent]
             if silent and not forced:
                 return
             if silent and not final:
                 for name in silent:
                     self._lanes[name].absent = True
+                    self._enqueue(self._timeline.settle(name))
+                continue
+            opener = min(waiting, key=lambda name: self._lanes[name].pending[0][0])
+            if not forced and self._may_come(self._lanes[opener].pending[0][0]):
+                return
             partners = self._partners(opener, forced=forced)
             if partners is None:
                 return
             yield from self._emit(opener, partners)
+
+    def _may_come(self, start: int) -> bool:
+        """Whether a camera that is not waited for may come back yet with a frame for a slot: nothing later is there."""
+        lanes = self._lanes.values()
+        latest = max(lane.pending[-1][0] for lane in lanes if lane.pending)
+        return any(lane.absent for lane in lanes) and latest <= start + self._tolerance
+
+    def _overflows(self, name: str) -> bool:
+        lane = self._lanes[name]
+        return len(lane.pending) > lane.most
 
     def _partners(self, opener: str, *, forced: bool) -> list[str] | None:
         """The cameras whose earliest frame joins the opener's; None while only a later frame can tell."""
@@ -206,7 +216,8 @@ class Pairer:
 
     def _emit(self, opener: str, partners: list[str]) -> Iterator[Slot]:
         start = self._lanes[opener].pending[0][0]
-        skipped = self._last_key is not None and start - self._last_key > 1.5 * self._step
+        step = 1 if self._timeline.grouped else self._period_ns
+        skipped = self._last_key is not None and start - self._last_key > 1.5 * step
         if skipped or self._gap_due:
             self._gap_due = False
             yield dict.fromkeys(self._cameras)
@@ -217,8 +228,6 @@ class Pairer:
             if name == opener or name in partners:
                 key, frame = lane.pending.popleft()
                 lane.last, lane.floor = (key, frame.sequence), key
-                if self._tolerance and lane.pending and lane.pending[0][0] == key:
-                    lane.floor = key - 1
                 slot[name] = frame
                 keys[name] = key
             else:
@@ -227,46 +236,10 @@ class Pairer:
                 if not lane.pending:
                     lane.floor = max(start + self._tolerance, lane.floor or start)
         self._last_key = start
-        self._follow_clocks(keys)
+        self._timeline.follow(keys)
         yield slot
 
-    def _follow_clocks(self, keys: dict[str, int]) -> None:
-        """Lets the offsets of other clocks follow what was just paired."""
-        reference = next((key for name, key in keys.items() if not self._lanes[name].other_clock), None)
-        if reference is None or not self._tolerance:
-            return
-        for name, key in keys.items():
-            if self._lanes[name].other_clock:
-                self._lanes[name].offset_ns += FOLLOWING * (key - reference)
 
-
-def _group(frame: Frame) -> int:
-    assert frame.group is not None
-    return frame.group
-
-
-def _arrival(frame: Frame) -> int:
-    return frame.arrived_ns
-
-
-def _rising(stamps: Sequence[int]) -> bool:
-    """Whether stamps can order frames: a few may repeat or step back, but most must rise."""
-    steps = [later - earlier for earlier, later in pairwise(stamps)]
-    return not steps or sum(step > 0 for step in steps) * 2 > len(steps)
-
-
-def _clock_offset_ns(reference: Sequence[Frame], frames: Sequence[Frame], period_ns: int) -> int:
-    """The constant by which `frames` are stamped later than `reference`; half a period at most is left after it."""
-    coarse = 0
-    apart = abs(frames[0].captured_ns - reference[0].captured_ns)
-    if frames[0].clock != reference[0].clock or apart > SAME_EPOCH_NS:
-        coarse = _lead_over_arrival_ns(frames) - _lead_over_arrival_ns(reference)
-    nearest = [
-        min((frame.captured_ns - coarse - other.captured_ns for other in reference), key=abs) for frame in frames
-    ]
-    paired = [difference for difference in nearest if 2 * abs(difference) <= period_ns]
-    return coarse + (round(median(paired)) if paired else 0)
-
-
-def _lead_over_arrival_ns(frames: Sequence[Frame]) -> int:
-    return round(median(frame.captured_ns - frame.arrived_ns for frame in frames))
+def _most_pending(camera: Camera, slowest_ns: int) -> int:
+    frames = round((PATIENCE_NS + PATIENCE_PERIODS * slowest_ns) / camera.period_ns)
+    return min(max(frames, LEAST_PENDING), MOST_PENDING)

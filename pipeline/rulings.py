@@ -177,10 +177,9 @@ class WeighedPair(PairJudge):
         if not seen.has(self._pair.first, Note.MISSING):
             self._silent_windows = 0
             return None
+        due = self._silent_windows % self._windows_a_second == 0
         self._silent_windows += 1
-        return (
-            self.silence(seen) if self._silent_windows % self._windows_a_second == 1 % self._windows_a_second else None
-        )
+        return self.silence(seen) if due else None
 
     def silence(self, seen: Observation) -> Verdict | None:
         if not seen.has(self._pair.first, Note.MISSING):

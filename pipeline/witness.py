@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from statistics import median, stdev
 
 from pipeline.belief import SURE, support
+from pipeline.clock_alignment import SAME_EPOCH_NS
 from pipeline.clocks import MAD_TO_SIGMA, MEDIAN_SIGMA, NOISY, ClockReading, PairClock
 from pipeline.drift import Drift, DriftEstimator
 from pipeline.frame import NS_PER_S, Frame, Pair, Rig
@@ -40,6 +41,9 @@ LEAST_SUPPORT = 1.9
 
 FIRST_SIGMA, LEAST_SIGMA = 0.25, 0.05
 """Error of stamps, in tolerances, before their jitter is known, and at least afterwards, for clocks tick in steps."""
+
+FARTHEST = 10
+"""Frames beyond which, and beyond two seconds, stamps are of clocks that were set, not of frames that were lost."""
 
 DRIFTED = 0.5
 """Tolerances that a drift must have added up to, before it is called the cause."""
@@ -99,7 +103,7 @@ class StampWitness:
         self._recent.append(offset_ns)
         self._ramp.add(offset_ns)
         self._slope = self._ramp.slope(self._tolerance_ns / 4)
-        if self._noisy:
+        if self._noisy or abs(offset_ns) > max(SAME_EPOCH_NS, FARTHEST * self._period_ns):
             return Reason.NO_EVIDENCE
         if self.disproved:
             return Reason.STAMPS_DISPROVED

@@ -65,6 +65,38 @@ def test_a_tolerance_that_reaches_beyond_the_next_frame_is_refused():
         WindowBuffer(RIG, BufferSettings(pairing_tolerance_ms=101))
 
 
+def test_a_tolerance_of_one_period_is_the_widest():
+    buffer = WindowBuffer(RIG, BufferSettings(pairing_tolerance_ms=100))
+    lanes = {"a": range(20), "b": [n for n in range(20) if n != 10]}
+    frames = [frame(name, n * 100_000_000, n) for name, numbers in lanes.items() for n in numbers]
+    frames.sort(key=lambda item: (item.captured_ns, item.camera))
+    windows = [made for item in frames for made in buffer.push(item)] + list(buffer.flush())
+    assert [ids(item.cameras["b"])[1] for item in windows] == [None if n == 10 else n for n in range(20)]
+
+
+@pytest.mark.parametrize(("setting", "waits"), [({}, 8), ({"max_pending": "auto"}, 8), ({"max_pending": 3}, 3)])
+def test_how_many_frames_wait_can_be_set(setting, waits):
+    """The windows come one slot late, and the last slot while a camera is away."""
+    buffer = WindowBuffer(RIG, BufferSettings.model_validate(setting))
+    assert next(n for n in range(99) if list(buffer.push(frame("a", n, n, group=n)))) == waits
+
+
+@pytest.mark.parametrize("value", [1, 1001, "none", -5, 2.5])
+def test_a_number_of_waiting_frames_that_makes_no_sense_is_refused(value):
+    with pytest.raises(ValueError, match="max_pending"):
+        BufferSettings(max_pending=value)
+
+
+def test_a_slower_camera_has_holes_between_its_frames():
+    """Its own neighbours are three slots away: detectors tell time by the slot."""
+    cameras = (Camera("a", 30), Camera("b", 10))
+    buffer = WindowBuffer(cameras, BufferSettings())
+    frames = [frame(name, n * 33_000_000, n) for n in range(10) for name in "ab" if name == "a" or n % 3 == 0]
+    windows = [made for item in frames for made in buffer.push(item)] + list(buffer.flush())
+    assert [ids(item.cameras["b"])[:3] for item in windows[2:5]] == [(None, None, 3), (None, 3, None), (3, None, None)]
+    assert [ids(item.cameras["a"])[:3] for item in windows[2:5]] == [(1, 2, 3), (2, 3, 4), (3, 4, 5)]
+
+
 def test_an_empty_stream_has_no_windows():
     assert windows_of({"a": [], "b": []}) == []
 
