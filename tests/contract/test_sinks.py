@@ -7,19 +7,22 @@ import uuid
 
 import pytest
 
-from pipeline.verdict import Basis, Cause, Event, Level, Sink, State, Status, Verdict
+from pipeline.verdict import AlignedPair, Basis, Cause, Event, Level, Sink, State, Status, Verdict
 from sinks.console import ConsoleSettings, ConsoleSink
 from sinks.jsonl import JsonlSettings, JsonlSink
 from sinks.zenoh import ZenohSettings, ZenohSink
 from syncwatch.testing import ListSink
-from tests.frames import RIG
+from tests.frames import RIG, frame
 
 REPORTS = [
     Verdict("bench", "left-right", 0, State.SYNC, Basis.CONTENT, captured_ns={"left": 0, "right": None}),
     Verdict("bench", "left-right", None, State.ASYNC, Basis.NONE, cause=Cause.MISSING),
     Event("bench", "a-1", "async", "onset", "left-right", "right", Cause.SLIP, 1, None, {"offset_ms": 33.0}, "late"),
-    Event("bench", "a-1", "async", "end", "left-right", "right", Cause.SLIP, 1, 2, None, "in sync again"),
+    Event(
+        "bench", "a-1", "async", "end", "left-right", "right", Cause.SLIP, 1, 2, {"offset_ms": 33.0}, "in sync again"
+    ),
     Status("bench", 1, Level.ERROR, ("left-right: late",), {}, {}, "0", 1.0, 0),
+    AlignedPair("bench", "left-right", 1, 0, 1, 0, 1000, (frame("left", 1), frame("right", 0))),
 ]
 
 
@@ -28,7 +31,7 @@ def make(kind: str, folder) -> Sink:
         settings = ConsoleSettings.model_validate({"style": kind.partition("-")[2]})
         return ConsoleSink(settings, stream=io.StringIO(), rig=RIG, frame_count=10)
     if kind == "jsonl":
-        return JsonlSink(JsonlSettings(path="out.jsonl", what=("verdict", "event", "status")), base=folder)
+        return JsonlSink(JsonlSettings(path="out.jsonl", what=("verdict", "event", "status", "aligned")), base=folder)
     if kind == "zenoh":
         return ZenohSink(ZenohSettings(prefix=f"test/{uuid.uuid4().hex[:8]}"), rig="bench")
     return ListSink()
