@@ -21,7 +21,7 @@ from pipeline.assemble import assemble, build_source
 from pipeline.cli.replay import recording_plan
 from pipeline.frame import NS_PER_S
 from pipeline.run import Run
-from pipeline.verdict import State, Verdict
+from pipeline.verdict import Report, State, Verdict
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "docs" / "offset-step.png"
@@ -71,8 +71,9 @@ def main() -> None:
     plan = recording_plan([str(RECORDING)], fps=FPS, faults=[fault], detectors="offset")
     source = build_source(plan)
     source.open()
-    verdicts: list[Verdict] = []
-    Run(assemble(plan, source, console=sys.stderr, on_verdict=verdicts.append)).execute()
+    reports: list[Report] = []
+    Run(assemble(plan, source, console=sys.stderr, on_report=reports.append)).execute()
+    verdicts = [report for report in reports if isinstance(report, Verdict)]
     cv2.imwrite(str(OUT), draw(verdicts))
 
 

@@ -19,7 +19,7 @@ from pipeline.configtext.document import load_text
 from pipeline.frame import Frame, Picture
 from pipeline.plan import make_plan
 from pipeline.run import Run
-from pipeline.verdict import State, Verdict
+from pipeline.verdict import Report, State, Verdict
 
 OUT = Path(__file__).with_name("overview.png")
 WIDTH, MARGIN, STRIP = 1280, 24, 34
@@ -33,10 +33,11 @@ def main() -> None:
     plan = make_plan(
         load_text(shipped_config(), "config.yaml", os.environ, ["sinks={}", "rig=bench"]), KINDS, Path.cwd()
     )
-    verdicts: list[Verdict] = []
+    reports: list[Report] = []
     source = build_source(plan)
     source.open()
-    Run(assemble(plan, source, console=sys.stderr, on_verdict=verdicts.append)).execute()
+    Run(assemble(plan, source, console=sys.stderr, on_report=reports.append)).execute()
+    verdicts = [report for report in reports if isinstance(report, Verdict)]
     again = build_source(plan)
     again.open()
     pictures = {frame.camera: frame for frame in again.frames() if shown(frame)}

@@ -29,7 +29,7 @@ def scored(source: dict[str, Any], manipulation: str, base: Path) -> Score:
         "detectors": {"offset": {}},
     }
     (clip,) = read_suite(load_text(yaml.safe_dump(suite), "suite", {}), base)
-    (result,) = evaluate_clip(clip)
+    (result,) = evaluate_clip(clip).scores
     return result
 
 
