@@ -162,7 +162,7 @@ class OffsetDetector:
             detector=self._name,
             basis=Basis.CONTENT,
             state=state,
-            reason=reason,
+            reason=str(reason),
             offset_ns=round(found.tau * period_ns),
             sigma_ns=round(found.sigma * period_ns),
             offset_frames=found.tau,
@@ -187,6 +187,6 @@ class OffsetDetector:
             detector=self._name,
             basis=Basis.CONTENT,
             state=State.UNKNOWN,
-            reason=reason,
+            reason=str(reason),
             silence=reason_of(reason),
         )
