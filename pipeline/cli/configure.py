@@ -75,6 +75,7 @@ def _plan_lines(plan: Plan) -> list[tuple[str, str]]:
         ("faults", ", ".join(_fault_line(fault) for fault in plan.faults) or "none"),
         ("detectors", ", ".join(plan.detectors)),
         ("judge", plan.config.judge.combine),
+        *([] if plan.config.align is None else [("align", f"by up to {plan.config.align.max_frames} frames")]),
         ("sinks", ", ".join(plan.sinks) or "none"),
     ]
 

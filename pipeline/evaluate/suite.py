@@ -11,6 +11,7 @@ import yaml
 from pydantic import Field, ValidationError, model_validator
 
 from pipeline.configtext.document import Document, Problem, load_file, load_text, nearest, problems_from
+from pipeline.errors import InputError
 from pipeline.notes import Note
 from pipeline.plan import Kinds, Plan, make_plan
 from pipeline.settings import Settings
@@ -131,10 +132,12 @@ class Clip:
 
 
 def load_suite(path: Path, environment: Mapping[str, str], overrides: Sequence[str] = ()) -> Sequence[Clip]:
-    """All clips of a suite file, in order, wherever the command was started. Raises ConfigError.
+    """All clips of a suite file, in order, wherever the command was started. Raises InputError.
 
     A path in the file counts from the file's folder, one in the variable SYNCWATCH_DATA from the current one.
     """
+    if not path.exists():
+        raise InputError(f"{path}: there is no such suite file")
     given = dict(environment)
     if given.get(DATA_VARIABLE):
         given[DATA_VARIABLE] = str(Path(given[DATA_VARIABLE]).absolute())

@@ -142,6 +142,11 @@ def test_a_scenario_that_asks_for_what_does_not_exist_is_refused_with_its_place(
     assert "Traceback" not in done.stderr
 
 
+def test_a_suite_that_does_not_exist_is_one_line(tmp_path):
+    done = syncwatch("evaluate", "nope.yaml", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (2, "syncwatch: error: nope.yaml: there is no such suite file\n")
+
+
 def test_a_report_is_not_written_over_a_file(tmp_path):
     (tmp_path / "suite.yaml").write_text(STAGED)
     (tmp_path / "taken").write_text("")
