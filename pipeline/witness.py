@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import median, stdev
+from statistics import median
 
 from pipeline.belief import SURE, support
 from pipeline.clock_alignment import SAME_EPOCH_NS
@@ -21,8 +21,8 @@ so that the median does not take the delay for a disagreement."""
 
 LEAST_COMPARED = 9
 
-LEAST_STEPS = 4
-"""Changes from frame to frame that tell roughly how noisy stamps are: before, they accuse nobody."""
+LEAST_STEPS, FEW_STEPS = 5, 20
+"""Changes from frame to frame that tell roughly how noisy stamps are, and well: before, they accuse nobody."""
 
 RECENT = 3
 """Stamps that are smoothed where they are set against pictures: one may be wrong."""
@@ -122,13 +122,15 @@ class StampWitness:
 
     @property
     def _jitter_ns(self) -> float:
-        """Robust standard deviation of one difference, from the changes between neighbours: no drift or jump adds."""
-        if len(self._steps) < LEAST_STEPS:
-            return 0.0
-        if len(self._steps) < LEAST_COMPARED:
-            return stdev(self._steps) / 2**0.5
-        usual = median(self._steps)
-        return MAD_TO_SIGMA * median(abs(step - usual) for step in self._steps) / 2**0.5
+        """Robust standard deviation of one difference, from the changes between neighbours: no drift or jump adds.
+
+        While they are few, the largest counts, but for two that a jump may have made: a few small ones prove no quiet.
+        """
+        usual = median(self._steps) if self._steps else 0.0
+        off = sorted(abs(step - usual) for step in self._steps)
+        if len(off) < COMPARED:
+            return off[-1 if len(off) < FEW_STEPS else -3] / 2**0.5 if off else 0.0
+        return MAD_TO_SIGMA * off[len(off) // 2] / 2**0.5
 
     @property
     def _noisy(self) -> bool:

@@ -110,24 +110,24 @@ GOOD, BAD = (stamps(0), content(0, 0.01)), (stamps(0), content(1, 0.01))
 
 def test_the_first_convincing_frame_is_enough_and_a_change_takes_two_of_pictures_and_four_of_stamps():
     assert states(judged([GOOD] * 5 + [BAD] * 5)) == "ssssss" + "aaaa"
-    assert states(judged([(stamps(0),)] * 15 + [(stamps(1),)] * 6)) == "s" * 18 + "aaa"
+    assert states(judged([(stamps(0),)] * 25 + [(stamps(1),)] * 6)) == "s" * 28 + "aaa"
 
 
 @pytest.mark.parametrize("outlier", [BAD, (stamps(1), content(None))])
 def test_one_outlier_changes_nothing_however_often_it_comes(outlier):
     usual = GOOD if outlier is BAD else (stamps(0), content(None))
-    assert set(states(judged([*[usual] * 9, outlier] * 20))) == {"s"}
+    assert set(states(judged([*[usual] * 29, outlier] * 8))) == {"s"}
 
 
 def test_a_frame_that_is_not_believed_yet_does_not_lend_its_offset():
-    said = judged([(stamps(0),)] * 15 + [(stamps(1),)] * 6 + [(stamps(0),)] * 6)
+    said = judged([(stamps(0),)] * 25 + [(stamps(1),)] * 6 + [(stamps(0),)] * 6)
     told = [(one.state.value[0], round(one.offset_frames or 0)) for one in said]
-    assert told == [("s", 0)] * 18 + [("a", 1)] * 6 + [("s", 0)] * 3
+    assert told == [("s", 0)] * 28 + [("a", 1)] * 6 + [("s", 0)] * 3
 
 
 def test_it_says_since_when():
-    said = judged([(stamps(0),)] * 15 + [(stamps(1),)] * 6 + [(stamps(0),)] * 6)
-    assert [one.since_frame for one in said] == [0] * 18 + [15] * 6 + [21] * 3
+    said = judged([(stamps(0),)] * 25 + [(stamps(1),)] * 6 + [(stamps(0),)] * 6)
+    assert [one.since_frame for one in said] == [0] * 28 + [25] * 6 + [31] * 3
 
 
 def test_unconvincing_evidence_accumulates():
