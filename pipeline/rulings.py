@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from pipeline.belief import MOST_PICTURES, MOST_STAMPS, Belief
 from pipeline.causes import Situation, SteadyCause, cause_of
+from pipeline.clocks import middle_of_exposure_ns, start_of_exposure_ns
 from pipeline.drift import Drift, tell_drift
 from pipeline.frame import NS_PER_S, Frame, Pair, Rig, Window
 from pipeline.health.observer import Observation
@@ -119,6 +120,7 @@ class PairJudge(ABC):
             captured_ns=self._by_camera(first, second, lambda frame: frame.captured_ns),
             notes=tuple(dict.fromkeys((*noted, *(note.value for note in (*ruling.notes, *observed))))),
             truth=self._truth(first, second),
+            **_exposures(first, second),
         )
 
     def _by_camera(
@@ -273,6 +275,14 @@ class WeighedPair(PairJudge):
         if ruling.state is State.SYNC and self._stamps.biased:
             clocks = (*clocks, Note.STAMP_REFERENCE)
         return (*ruling.notes, *(note for note in clocks if not (note is Note.CLOCK_DRIFT and of_camera)))
+
+
+def _exposures(first: Frame | None, second: Frame | None) -> dict[str, int | None]:
+    if first is None or second is None:
+        return {}
+    moments = {"exposure_start_ns": start_of_exposure_ns, "exposure_middle_ns": middle_of_exposure_ns}
+    told = {name: (moment(first), moment(second)) for name, moment in moments.items()}
+    return {name: None if one is None or other is None else other - one for name, (one, other) in told.items()}
 
 
 def _ppm(drift: Drift | None) -> tuple[float | None, float | None]:

@@ -145,7 +145,8 @@ class Verdict:
     frame: counts the first camera's frames from 0; None while that camera is silent.
     cause: None unless async. reason: None unless unknown.
     camera: the one that is frozen or missing; None where only the pair can be blamed. since_frame: the first frame that
-    spoke for the state that is believed now, told from when it is believed; None where nothing is.
+    spoke for the state that is believed now; None where nothing is. exposure_*: what stamps say of the start and of the
+    middle of exposures, second less first, where exposures are known.
     sequence, captured_ns: by camera, None for a missing partner or counter.
     """
 
@@ -161,6 +162,8 @@ class Verdict:
     offset_frames: float | None = None
     camera: str | None = None
     since_frame: int | None = None
+    exposure_start_ns: int | None = None
+    exposure_middle_ns: int | None = None
     tolerance_ns: int = 0
     drift: Pace = field(default_factory=Pace)
     range_error: RangeError | None = None
@@ -211,6 +214,7 @@ class Verdict:
             "sequence": dict(self.sequence),
             "captured_ns": dict(self.captured_ns),
             "interval_ms": ms(self.interval_ns),
+            "exposure": {"start_ms": ms(self.exposure_start_ns), "middle_ms": ms(self.exposure_middle_ns)},
             "notes": list(self.notes),
         }
 

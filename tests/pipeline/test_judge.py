@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.frame import Camera, Pair, Rig, StampOrigin, Truth
+from pipeline.frame import Camera, Pair, Rig, StampOrigin, StampReference, Truth
 from pipeline.health.observer import Observation
 from pipeline.judge import Judge, JudgeSettings
 from pipeline.notes import Note
@@ -215,6 +215,18 @@ def test_the_classic_rule_regards_no_health():
     assert judged([GOOD] * 3, seen=[seen] * 3, combine="classic")[-1].state is SYNC
 
 
+def test_start_and_middle_of_exposures_are_told_apart_and_the_middle_counts():
+    judge = Judge(JudgeSettings(), RIG)
+    exposed = {"stamp_reference": StampReference.START, "sequence": 1}
+    for n in range(10):
+        left = frame("left", n * PERIOD_NS, exposure_ns=2_000_000, **exposed)
+        right = frame("right", n * PERIOD_NS - 4_000_000, exposure_ns=10_000_000, **exposed)
+        (said,) = judge.judge(window(n, left=left, right=right), [stamps(-0.04)])
+    assert said.to_message()["exposure"] == {"start_ms": -4.0, "middle_ms": 0.0}
+    assert (said.state, said.offset_ns) == (SYNC, 0)
+    assert "stamp_reference" in said.notes
+
+
 def test_synthesised_stamps_count_where_they_are_trusted():
     assert verdict(stamps(1, synthesised=True), trust=True).state is ASYNC
 
@@ -264,7 +276,7 @@ def test_the_message_is_complete_and_missing_values_are_null():
     assert list(message) == [
         "schema", "rig", "pair", "frame", "state", "cause", "camera", "since_frame", "reason", "basis",
         "offset_ms", "offset_sigma_ms", "offset_frames", "tolerance_ms", "drift", "content", "evidence", "sequence",
-        "captured_ns", "interval_ms", "notes",
+        "captured_ns", "interval_ms", "exposure", "notes",
     ]  # fmt: skip
     assert message["schema"] == "syncwatch.verdict.v1"
     assert message["offset_sigma_ms"] is None
