@@ -14,6 +14,7 @@ from rich.progress import Progress, TimeElapsedColumn
 from rich.table import Table
 
 from pipeline.cli.common import set_option
+from pipeline.configtext.document import nearest
 from pipeline.errors import InputError
 from pipeline.evaluate.columns import COLUMNS, by_manipulation, by_recording, cells
 from pipeline.evaluate.failures import FAILURE_COLUMNS, by_scenario, confusion, failure_cells
@@ -30,17 +31,25 @@ SCHEMA = "syncwatch.evaluation.v1"
 @click.command()
 @click.argument("suite")
 @click.option("--json", "json_file", metavar="FILE", help="Write every score as JSON; - is standard output.")
+@click.option("--only", multiple=True, metavar="NAME", help="This scenario or manipulation alone. May be given again.")
 @click.option("--report", "report_dir", metavar="DIR", help="Write a page with every run over time: DIR/index.html.")
 @click.option(
     "--jobs", type=click.IntRange(1, 256), default=os.cpu_count() or 1, help="Processes (default: one a core)."
 )
 @set_option
-def evaluate(suite: str, json_file: str | None, report_dir: str | None, jobs: int, overrides: tuple[str, ...]) -> None:
+def evaluate(
+    suite: str,
+    json_file: str | None,
+    only: tuple[str, ...],
+    report_dir: str | None,
+    jobs: int,
+    overrides: tuple[str, ...],
+) -> None:
     """Run the recordings of SUITE, with what its manipulations and scenarios do to them, against the truth.
 
     The truth is that of a rendered scene, or that a recording is in sync apart from what was done to it.
     """
-    clips = load_suite(Path(suite), os.environ, overrides)
+    clips = chosen(load_suite(Path(suite), os.environ, overrides), only)
     target = None if json_file in {None, "-"} else Path(str(json_file))
     if target is not None and not target.parent.is_dir():
         raise InputError(f"{target}: cannot be written: there is no folder {target.parent}")
@@ -60,6 +69,15 @@ def evaluate(suite: str, json_file: str | None, report_dir: str | None, jobs: in
     console = Console(width=220, highlight=False)
     for made in tables(clips, results):
         console.print(made)
+
+
+def chosen(clips: Sequence[Clip], only: Sequence[str]) -> Sequence[Clip]:
+    """The clips of these names; all, if none are given. Raises InputError for a name that there is not."""
+    known = list(dict.fromkeys(clip.manipulation for clip in clips))
+    for name in only:
+        if name not in known:
+            raise InputError(f"--only {name}: the suite has no such scenario or manipulation{nearest(name, known)}")
+    return [clip for clip in clips if not only or clip.manipulation in only]
 
 
 def run(clips: Sequence[Clip], jobs: int) -> list[Result]:

@@ -142,6 +142,14 @@ def test_a_scenario_that_asks_for_what_does_not_exist_is_refused_with_its_place(
     assert "Traceback" not in done.stderr
 
 
+def test_single_scenarios_can_be_chosen(tmp_path):
+    (tmp_path / "suite.yaml").write_text(STAGED)
+    done = syncwatch("evaluate", "suite.yaml", "--only", "fine", "--json", "-", cwd=tmp_path)
+    assert [run["scenario"] for run in json.loads(done.stdout)["runs"]] == ["fine", "fine"]
+    wrong = syncwatch("evaluate", "suite.yaml", "--only", "stael", cwd=tmp_path)
+    assert (wrong.returncode, "did you mean 'stale'?" in wrong.stderr) == (2, True)
+
+
 def test_a_suite_that_does_not_exist_is_one_line(tmp_path):
     done = syncwatch("evaluate", "nope.yaml", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (2, "syncwatch: error: nope.yaml: there is no such suite file\n")
