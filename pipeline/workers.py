@@ -6,22 +6,44 @@ import logging
 import os
 import signal
 import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
+from typing import Any
 
 import cv2
 
 
-def workers(jobs: int) -> ProcessPoolExecutor:
-    """A pool whose processes use one thread of OpenCV's each, say nothing but errors, and end with this process."""
-    return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_become_worker)
+@contextmanager
+def workers(jobs: int, set_up: Callable[..., None] | None = None, *arguments: Any) -> Iterator[ProcessPoolExecutor]:
+    """A pool whose processes use one thread of OpenCV's each, say nothing but errors, and end with this process.
+
+    Leaving it by an exception, Ctrl-C included, ends what is running at once. set_up: called in each process with the
+    arguments, which may be shared memory of a `spawn` context.
+    """
+    context = get_context("spawn")
+    before = {child.pid for child in context.active_children()}
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_become_worker, initargs=(set_up, arguments))
+    try:
+        yield pool
+    except BaseException:
+        for child in context.active_children():
+            if child.pid not in before:
+                child.terminate()
+        pool.shutdown(cancel_futures=True)
+        raise
+    pool.shutdown()
 
 
-def _become_worker() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+def _become_worker(set_up: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
+    """Ctrl-C goes to every process of a terminal, but it is the main process that ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     logging.getLogger("syncwatch").setLevel(logging.ERROR)
     cv2.setNumThreads(1)
+    if set_up is not None:
+        set_up(*arguments)
 
 
 def _end_with_parent() -> None:

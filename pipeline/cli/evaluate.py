@@ -4,28 +4,33 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import Progress, TimeElapsedColumn
+from rich.progress import Progress, TaskID, TimeElapsedColumn
 from rich.table import Table
 
 from pipeline.cli.common import set_option
 from pipeline.configtext.document import nearest
-from pipeline.errors import InputError
+from pipeline.errors import InputError, RunError
 from pipeline.evaluate.columns import COLUMNS, by_manipulation, by_recording, cells
-from pipeline.evaluate.failures import FAILURE_COLUMNS, by_scenario, confusion, failure_cells
+from pipeline.evaluate.failures import FAILURE_COLUMNS, by_scenario, confusion, confusions, failure_cells
 from pipeline.evaluate.outcome import Outcome
-from pipeline.evaluate.report.page import write_report
+from pipeline.evaluate.report.page import make_folder, write_report
 from pipeline.evaluate.runner import Result, check
 from pipeline.evaluate.runner import evaluate as run_clips
 from pipeline.evaluate.score import Score
 from pipeline.evaluate.suite import Clip, load_suite
 
 SCHEMA = "syncwatch.evaluation.v1"
+
+SAY_EVERY_S = 30
+"""How often a log, which shows no bar, is told how far clips have come that take long."""
 
 
 @click.command()
@@ -50,14 +55,10 @@ def evaluate(
     The truth is that of a rendered scene, or that a recording is in sync apart from what was done to it.
     """
     clips = chosen(load_suite(Path(suite), os.environ, overrides), only)
-    target = None if json_file in {None, "-"} else Path(str(json_file))
-    if target is not None and not target.parent.is_dir():
-        raise InputError(f"{target}: cannot be written: there is no folder {target.parent}")
-    folder = None if report_dir is None else Path(report_dir)
-    if folder is not None and folder.exists() and not folder.is_dir():
-        raise InputError(f"--report {folder}: this is a file: name a folder, which may be new")
-    check(clips)
-    results = run(clips, jobs)
+    target = None if json_file in {None, "-"} else _writable(Path(str(json_file)))
+    expected = check(clips)
+    folder = None if report_dir is None else make_folder(Path(report_dir))
+    results = run(clips, jobs, expected)
     if folder is not None:
         page = write_report(folder, Path(suite).stem, clips, results)
         click.echo(f"report: {page}", err=True)
@@ -65,7 +66,10 @@ def evaluate(
         click.echo(json.dumps(as_json(clips, results), indent=1))
         return
     if target is not None:
-        target.write_text(json.dumps(as_json(clips, results), indent=1) + "\n", encoding="utf-8")
+        try:
+            target.write_text(json.dumps(as_json(clips, results), indent=1) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise RunError(f"{target}: cannot be written: {error.strerror}") from error
     console = Console(width=220, highlight=False)
     for made in tables(clips, results):
         console.print(made)
@@ -80,20 +84,58 @@ def chosen(clips: Sequence[Clip], only: Sequence[str]) -> Sequence[Clip]:
     return [clip for clip in clips if not only or clip.manipulation in only]
 
 
-def run(clips: Sequence[Clip], jobs: int) -> list[Result]:
-    """The result of every clip, in order; how far it has come is said on standard error meanwhile."""
+def _writable(target: Path) -> Path:
+    """Raises InputError for a file that cannot be written, before anything has run for it."""
+    if target.is_dir():
+        raise InputError(f"--json {target}: this is a folder: name a file")
+    if not target.parent.is_dir():
+        raise InputError(f"--json {target}: cannot be written: there is no folder {target.parent}")
+    if not os.access(target if target.exists() else target.parent, os.W_OK):
+        raise InputError(f"--json {target}: cannot be written: permission denied")
+    return target
+
+
+def run(clips: Sequence[Clip], jobs: int, expected: Sequence[int | None] | None = None) -> list[Result]:
+    """The result of every clip, in order; how far it has come is said on standard error meanwhile.
+
+    expected: how many verdicts each clip will come to, as `check` has it; None where it is not known.
+    """
     console = Console(stderr=True)
     done: dict[int, Result] = {}
     columns = (*Progress.get_default_columns(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("clips", total=len(clips))
-        for place, result in run_clips(clips, jobs):
-            done[place] = result
-            progress.advance(task)
-            if not console.is_terminal:
-                clip = clips[place]
-                click.echo(f"{len(done)}/{len(clips)} {clip.recording} {clip.manipulation}", err=True)
+        teller = _Teller(progress, expected or [], len(clips))
+        with closing(run_clips(clips, jobs, teller.tell)) as running:
+            for place, result in running:
+                done[place] = result
+                teller.done = len(done)
+                if not console.is_terminal:
+                    clip = clips[place]
+                    click.echo(f"{len(done)}/{len(clips)} {clip.recording} {clip.manipulation}", err=True)
     return [done[place] for place in range(len(clips))]
+
+
+class _Teller:
+    """Says how far the clips have come: as a bar on a terminal, else as a line now and then."""
+
+    def __init__(self, progress: Progress, expected: Sequence[int | None], clips: int) -> None:
+        counts = [count for count in expected if count is not None]
+        self._total = sum(counts) if counts and len(counts) == len(expected) else None
+        self._clips = clips
+        self._progress = progress
+        self._task: TaskID = progress.add_task(f"0/{clips} clips", total=self._total)
+        self._begun = self._told = time.monotonic()
+        self.done = 0
+
+    def tell(self, verdicts: int) -> None:
+        self._progress.update(self._task, completed=verdicts, description=f"{self.done}/{self._clips} clips")
+        now = time.monotonic()
+        if not self._progress.disable or self._total is None or now < self._told + SAY_EVERY_S:
+            return
+        self._told = now
+        share = min(verdicts / self._total, 1.0)
+        left = f", about {(now - self._begun) * (1 / share - 1) / 60:.0f} min left" if share > 0 else ""
+        click.echo(f"{100 * share:.0f} % of {self._total} frames{left}", err=True)
 
 
 def as_json(clips: Sequence[Clip], results: Sequence[Result]) -> dict[str, Any]:
@@ -111,6 +153,7 @@ def as_json(clips: Sequence[Clip], results: Sequence[Result]) -> dict[str, Any]:
             for (row, name), group in by_scenario(outcomes).items()
         },
         "confusion": confusion([item for result in results for item in result.outcomes]),
+        "confusion_by_recording": confusions([item for result in results for item in result.outcomes]),
     }
 
 

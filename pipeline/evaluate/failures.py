@@ -56,7 +56,7 @@ def _delay(value: Callable[[Outcome], float | None], digits: int) -> Cell:
 
 def _alarms(runs: Sequence[Outcome]) -> str:
     """Rate of false alarms, and its upper bound."""
-    hours, count = sum(run.hours for run in runs), sum(run.false_alarms for run in runs)
+    hours, count = sum(run.hours_in_sync for run in runs), sum(run.false_alarms for run in runs)
     bound = upper_bound(count, hours)
     return EMPTY if bound is None else f"{count / hours:.2g} (< {bound:.2g})"
 
@@ -113,3 +113,9 @@ def confusion(runs: Sequence[Outcome]) -> dict[str, dict[str, int]]:
             for state, count in said.items():
                 row[state] = row.get(state, 0) + count
     return total
+
+
+def confusions(runs: Sequence[Outcome]) -> dict[str, dict[str, dict[str, int]]]:
+    """The same by recording, for those of which the truth is known."""
+    names = dict.fromkeys(run.recording for run in runs if run.confusion)
+    return {name: confusion([run for run in runs if run.recording == name]) for name in names}

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
-from concurrent.futures import as_completed
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field, replace
 from functools import partial
+from multiprocessing import get_context
+from typing import TYPE_CHECKING
 
 from pipeline.assemble import KINDS, assemble, build_rig, build_source
+from pipeline.configtext.document import ConfigError
 from pipeline.errors import InputError, RunError
 from pipeline.evaluate.outcome import Outcome, outcome_of
 from pipeline.evaluate.score import Row, Score, period_of, row, score
@@ -20,20 +24,40 @@ from pipeline.run import Run
 from pipeline.verdict import Event, Report, Verdict
 from pipeline.workers import workers
 
+if TYPE_CHECKING:
+    from multiprocessing.sharedctypes import Synchronized
 
-def check(clips: Sequence[Clip]) -> None:
+POLL_S = 0.5
+"""How often is asked how far the clips have come."""
+
+
+def check(clips: Sequence[Clip]) -> list[int | None]:
     """Reads what is cheap to read before anything runs: every plan, and the first picture of every recording.
 
-    Raises InputError, which names the clip.
+    Returns how many verdicts each clip will come to, about; None where its source does not say. Raises InputError,
+    which names the clip.
     """
     for clip in clips:
         clip.plan(KINDS)
-    seen: set[tuple[str, str]] = set()
+    seen: dict[str, int | None] = {}
+    counts = []
     for clip in clips:
-        place = (str(clip.base), repr(clip.config["source"]))
+        place = repr((clip.base, clip.config["source"], clip.config["faults"], clip.subsample))
         if place not in seen:
-            seen.add(place)
-            _opened(clip).close()
+            seen[place] = _checked(clip)
+        counts.append(seen[place])
+    return counts
+
+
+def _checked(clip: Clip) -> int | None:
+    source = _opened(clip)
+    try:
+        names = [camera.name for camera in source.cameras]
+        clip.check_cameras(names)
+        count = source.frame_count
+        return None if count is None else count * (len(names) - 1)
+    finally:
+        source.close()
 
 
 @dataclass(slots=True)
@@ -45,19 +69,43 @@ class Result:
     timelines: list[Timeline] = field(default_factory=list)
 
 
-def evaluate(clips: Sequence[Clip], jobs: int) -> Iterator[tuple[int, Result]]:
+def evaluate(
+    clips: Sequence[Clip], jobs: int, on_verdicts: Callable[[int], None] = lambda _: None
+) -> Generator[tuple[int, Result], None, None]:
     """The place of each clip and its result, as clips get done; `check` comes first.
 
-    Raises InputError or RunError for a clip that cannot be run.
+    on_verdicts: hears twice a second how many verdicts all clips together have come to. Raises InputError or RunError
+    for a clip that cannot be run.
     """
-    with workers(jobs) as pool:
+    counter = get_context("spawn").Value("q", 0)
+    with workers(jobs, _count_in, counter) as pool:
         pending = {pool.submit(evaluate_clip, clip): place for place, clip in enumerate(clips)}
-        try:
-            for future in as_completed(pending):
-                yield pending[future], future.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+        while pending:
+            done, _ = wait(pending, timeout=POLL_S, return_when=FIRST_COMPLETED)
+            on_verdicts(counter.value)
+            for future in done:
+                try:
+                    yield pending.pop(future), future.result()
+                except BrokenProcessPool as error:
+                    raise RunError("a process that ran clips has ended: is there enough memory?") from error
+
+
+def _uncounted() -> None:
+    """What is done for each verdict where nobody counts."""
+
+
+_count: Callable[[], None] = _uncounted
+
+
+def _count_in(counter: Synchronized[int]) -> None:
+    """From now on this process adds each verdict to a number that is shared."""
+
+    def add() -> None:
+        with counter.get_lock():
+            counter.value += 1
+
+    global _count  # noqa: PLW0603 - a worker process has no other place that lasts from clip to clip
+    _count = add
 
 
 def evaluate_clip(clip: Clip) -> Result:
@@ -72,6 +120,7 @@ def evaluate_clip(clip: Clip) -> Result:
         if isinstance(report, Event):
             reports.append(report)
         elif isinstance(report, Verdict):
+            _count()
             known = row(report, period_ns)
             if known is not None:
                 rows.setdefault(report.pair, []).append(known)
@@ -90,7 +139,7 @@ def evaluate_clip(clip: Clip) -> Result:
         told = score(empty, of_pair, fps=fps, warm_up_s=clip.warm_up_s, warm_up_frames=clip.warm_up_frames)
         result.scores.append(told)
         result.outcomes.append(outcome_of(clip, pair, fps, reports))
-        result.timelines.append(timeline_of(reports, pair, fps))
+        result.timelines.append(timeline_of(reports, pair, fps, truth_known=clip.truth_known))
     return result
 
 
@@ -98,6 +147,8 @@ def _opened(clip: Clip) -> Source:
     source = build_source(clip.plan(KINDS), wrap=partial(_subsampled, clip), know_truth=True)
     try:
         source.open()
+    except ConfigError:
+        raise
     except InputError as error:
         raise InputError(f"{clip.label}: {error}") from None
     return source

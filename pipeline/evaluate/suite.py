@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
 from pydantic import Field, ValidationError, model_validator
 
-from pipeline.configtext.document import Document, Problem, load_file, load_text, nearest, problems_from
+from pipeline.configtext.document import Document, Problem, load_file, nearest, problems_from
 from pipeline.errors import InputError
+from pipeline.evaluate.origin import ClipDocument, Origins
 from pipeline.notes import Note
 from pipeline.plan import Kinds, Plan, make_plan
 from pipeline.settings import Settings
@@ -43,7 +43,9 @@ class Expected(Settings):
     """What must be said of a scenario while its fault lasts.
 
     cause: given exactly where the state is async. event: of another kind than `async`. camera: that it must name, and
-    that of an async event, by default the second. drift_ppm: what must be told at the end, by stamps and by pictures.
+    that of an async event, by default the second. unknown: to say nothing at all is as good as the state.
+    within_frames: how many frames after the onset it must be called out of sync at the latest.
+    stamps_ppm, pictures_ppm: the drift that must be told at the end.
     """
 
     state: State
@@ -51,28 +53,49 @@ class Expected(Settings):
     event: Literal["dark", "saturated", "blurred", "swapped", "geometry_shift"] | None = None
     camera: str = "right"
     notes: tuple[Note, ...] = ()
+    unknown: bool = False
+    within_frames: int | None = Field(default=None, ge=0)
     stamps_ppm: float | None = None
     pictures_ppm: float | None = None
 
     @model_validator(mode="after")
     def _cause_of_async(self) -> Expected:
-        if (self.state is State.ASYNC) != (self.cause is not None):
-            raise ValueError("a cause belongs to the state async, and to it alone")
+        if self.state is not State.ASYNC and (self.cause is not None or self.within_frames is not None):
+            raise ValueError("a cause belongs to the state async, and to it alone; so does within_frames")
         return self
 
 
 class Scenario(Settings):
     """A recording, what goes wrong with it, and what must be said.
 
-    row: of a catalogue of failures. about: what happens, in words. recording: the name of one.
+    row: of a catalogue of failures. about: what happens, in words.
+    recording: the name of one. source: one of its own instead.
+    truth: `unknown` where nobody knows how far a recording is really in sync; then no frame counts as true or false,
+    and a cause need not be expected.
+    buffer: as in a configuration. judge: what differs from the suite's.
     """
 
     row: str = ""
     about: str = ""
-    recording: str
+    recording: str | None = None
+    source: dict[str, Any] | None = None
+    truth: Literal["known", "unknown"] = "known"
     faults: tuple[Any, ...] = ()
+    buffer: dict[str, Any] = Field(default={})
     judge: dict[str, Any] = Field(default={})
     expect: Expected
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Scenario:
+        if (self.recording is None) == (self.source is None):
+            raise ValueError("either the name of a recording or a source of its own is required")
+        return self
+
+    @model_validator(mode="after")
+    def _cause_of_async(self) -> Scenario:
+        if self.expect.state is State.ASYNC and self.expect.cause is None and self.truth == "known":
+            raise ValueError("expect.cause is required: why it is out of sync")
+        return self
 
 
 class SuiteSettings(Settings):
@@ -87,7 +110,7 @@ class SuiteSettings(Settings):
     """
 
     data: str = "."
-    recordings: dict[str, dict[str, Any]] = Field(min_length=1)
+    recordings: dict[str, dict[str, Any]] = Field(default={})
     manipulations: dict[str, Manipulation] = Field(default={})
     scenarios: dict[str, Scenario] = Field(default={})
     seeds: tuple[int, ...] = Field(default=(0,), min_length=1)
@@ -100,6 +123,8 @@ class SuiteSettings(Settings):
     def _something_to_do(self) -> SuiteSettings:
         if not self.manipulations and not self.scenarios:
             raise ValueError("manipulations or scenarios are required: what is done to the recordings")
+        if self.manipulations and not self.recordings:
+            raise ValueError("recordings are required: what the manipulations are done to")
         return self
 
 
@@ -119,16 +144,30 @@ class Clip:
     warm_up_s: float
     warm_up_frames: int
     scenario: Scenario | None = None
+    document: ClipDocument | None = field(default=None, repr=False, compare=False)
 
     @property
     def label(self) -> str:
         what = "manipulation" if self.scenario is None else "scenario"
         return f"recording '{self.recording}', {what} '{self.manipulation}'"
 
+    @property
+    def truth_known(self) -> bool:
+        return self.scenario is None or self.scenario.truth == "known"
+
     def plan(self, kinds: Kinds) -> Plan:
-        """Raises ConfigError that names the clip."""
-        text = yaml.safe_dump(dict(self.config)).replace("${", "$${")
-        return make_plan(load_text(text, self.label, {}, quoted=False), kinds, self.base)
+        """Raises ConfigError that names the place in the suite."""
+        assert self.document is not None, "made by load_suite"
+        return make_plan(self.document, kinds, self.base)
+
+    def check_cameras(self, names: Sequence[str]) -> None:
+        """Raises ConfigError if something is expected of a camera that the recording does not have."""
+        if self.scenario is None or self.document is None:
+            return
+        camera, state = self.scenario.expect.camera, self.scenario.expect
+        if camera not in names and (state.event is not None or state.cause is not None):
+            message = f"no camera '{camera}': this rig has {', '.join(names)}"
+            raise self.document.error([Problem(("expect", "camera"), message)])
 
 
 def load_suite(path: Path, environment: Mapping[str, str], overrides: Sequence[str] = ()) -> Sequence[Clip]:
@@ -150,30 +189,62 @@ def read_suite(document: Document, base: Path) -> Sequence[Clip]:
         suite = SuiteSettings.model_validate(document.data)
     except ValidationError as error:
         raise document.error(problems_from(error, (), SuiteSettings)) from None
-    if problems := _unknown_recordings(suite):
+    if problems := [*_unknown_recordings(suite), *_names_twice(suite)]:
         raise document.error(problems)
     manipulated = [
-        _clip(suite, base, recording, name, seed, manipulation.faults, subsample=manipulation.subsample)
+        _manipulated(document, suite, base, recording, name, seed)
         for recording in suite.recordings
         for name, manipulation in suite.manipulations.items()
         if manipulation.recordings is None or recording in manipulation.recordings
         for seed in suite.seeds
     ]
-    staged = [
-        _clip(suite, base, scenario.recording, name, seed, scenario.faults, scenario=scenario)
-        for name, scenario in suite.scenarios.items()
-        for seed in suite.seeds
-    ]
+    staged = [_staged(document, suite, base, name, seed) for name in suite.scenarios for seed in suite.seeds]
     return manipulated + staged
 
 
+def _manipulated(document: Document, suite: SuiteSettings, base: Path, recording: str, name: str, seed: int) -> Clip:
+    done = suite.manipulations[name]
+    own = ("manipulations", name)
+    config = _config(suite, seed, suite.recordings[recording], done.faults)
+    origins: Origins = {("source",): ("recordings", recording), ("faults",): (*own, "faults")}
+    return _clip(document, suite, base, recording, name, seed, config, origins, subsample=done.subsample)
+
+
+def _staged(document: Document, suite: SuiteSettings, base: Path, name: str, seed: int) -> Clip:
+    scenario = suite.scenarios[name]
+    own = ("scenarios", name)
+    source = scenario.source if scenario.recording is None else suite.recordings[scenario.recording]
+    config = _config(suite, seed, source or {}, scenario.faults)
+    config["judge"] = {**suite.judge, **scenario.judge}
+    config["buffer"] = scenario.buffer
+    origins: Origins = {
+        ("source",): (*own, "source") if scenario.recording is None else ("recordings", scenario.recording),
+        **{(part,): (*own, part) for part in ("faults", "buffer", "expect")},
+        **{("judge", key): (*own, "judge", key) for key in scenario.judge},
+    }
+    return _clip(document, suite, base, scenario.recording or name, name, seed, config, origins, scenario=scenario)
+
+
+def _config(suite: SuiteSettings, seed: int, source: Mapping[str, Any], faults: Iterable[Any]) -> dict[str, Any]:
+    return {
+        "rig": "evaluation",
+        "seed": seed,
+        "source": source,
+        "faults": list(faults),
+        "detectors": suite.detectors,
+        "judge": suite.judge,
+    }
+
+
 def _clip(
+    document: Document,
     suite: SuiteSettings,
     base: Path,
     recording: str,
     name: str,
     seed: int,
-    faults: Sequence[Any],
+    config: dict[str, Any],
+    origins: Origins,
     *,
     subsample: SubsampleSettings | None = None,
     scenario: Scenario | None = None,
@@ -182,20 +253,19 @@ def _clip(
         recording=recording,
         manipulation=name,
         seed=seed,
-        config={
-            "rig": "evaluation",
-            "seed": seed,
-            "source": suite.recordings[recording],
-            "faults": list(faults),
-            "detectors": suite.detectors,
-            "judge": {**suite.judge, **(scenario.judge if scenario else {})},
-        },
+        config=config,
         subsample=subsample,
         base=(base / suite.data).resolve(),
         warm_up_s=suite.warm_up_s,
         warm_up_frames=suite.warm_up_frames,
         scenario=scenario,
+        document=ClipDocument(config, document, origins),
     )
+
+
+def _names_twice(suite: SuiteSettings) -> list[Problem]:
+    twice = [name for name in suite.scenarios if name in suite.manipulations]
+    return [Problem(("scenarios", name), "a manipulation has this name, too", at="key") for name in twice]
 
 
 def _unknown_recordings(suite: SuiteSettings) -> list[Problem]:
@@ -206,7 +276,11 @@ def _unknown_recordings(suite: SuiteSettings) -> list[Problem]:
             for name, manipulation in suite.manipulations.items()
             for index, recording in enumerate(manipulation.recordings or ())
         ),
-        *((("scenarios", name, "recording"), scenario.recording) for name, scenario in suite.scenarios.items()),
+        *(
+            (("scenarios", name, "recording"), scenario.recording)
+            for name, scenario in suite.scenarios.items()
+            if scenario.recording is not None
+        ),
     ]
     return [
         Problem(path, f"no recording '{recording}'{nearest(recording, known)}")

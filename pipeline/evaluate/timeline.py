@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pipeline.frame import NS_PER_MS
 from pipeline.verdict import Event, Report, Verdict
@@ -33,17 +33,29 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """An event, or a note that is seen for the first time, in words."""
+    """An event, or a note that is seen for the first time, in words.
+
+    at_s: when it was said. since_s: since when it has been so, where that is known. cause, camera: of an event.
+    offset_ms, drift_ppm: what was told when it began. stamps_ms: what the stamps said then.
+    """
 
     at_s: float
     kind: str
     text: str
+    since_s: float | None = None
+    cause: str | None = None
+    camera: str | None = None
+    offset_ms: float | None = None
+    drift_ppm: float | None = None
+    stamps_ms: float | None = None
 
 
 @dataclass(slots=True)
 class Timeline:
     """truth: sync, async or unknown. said: a state, with its cause or reason after a space."""
 
+    pair: str
+    period_ms: float
     duration_s: float
     tolerance_ms: float
     truth: list[Span] = field(default_factory=list)
@@ -52,9 +64,13 @@ class Timeline:
     marks: list[Mark] = field(default_factory=list)
 
 
-def timeline_of(reports: Sequence[Report], pair: str, fps: float) -> Timeline:
+def timeline_of(reports: Sequence[Report], pair: str, fps: float, *, truth_known: bool = True) -> Timeline:
+    """The timeline of one pair; without truth, where nobody knows it."""
     verdicts = [item for item in reports if isinstance(item, Verdict) and item.pair == pair]
-    made = Timeline(len(verdicts) / fps, verdicts[0].tolerance_ns / NS_PER_MS if verdicts else 0.0)
+    if not truth_known:
+        verdicts = [replace(verdict, truth=None) for verdict in verdicts]
+    tolerance_ms = verdicts[0].tolerance_ns / NS_PER_MS if verdicts else 0.0
+    made = Timeline(pair, 1000 / fps, len(verdicts) / fps, tolerance_ms)
     made.truth = _spans(verdicts, fps, lambda one: one.truth.state.value if one.truth else "unknown")
     made.said = _spans(verdicts, fps, _said)
     every = max(1, len(verdicts) // MOST_POINTS)
@@ -80,22 +96,38 @@ def _spans(verdicts: Sequence[Verdict], fps: float, what: Callable[[Verdict], st
 
 
 def _point(at_s: float, verdict: Verdict) -> Point:
-    def ms(value_ns: int | None) -> float | None:
-        return None if value_ns is None else value_ns / NS_PER_MS
-
     true_ns = None if verdict.truth is None else verdict.truth.offset_ns
-    return Point(at_s, ms(true_ns), ms(verdict.offset_ns), ms(verdict.sigma_ns))
+    return Point(at_s, _ms(true_ns), _ms(verdict.offset_ns), _ms(verdict.sigma_ns))
+
+
+def _ms(value_ns: int | None) -> float | None:
+    return None if value_ns is None else value_ns / NS_PER_MS
 
 
 def _marks(reports: Sequence[Report], pair: str, fps: float) -> list[Mark]:
     marks: list[Mark] = []
     seen: set[str] = set()
-    at = 0
+    at, last = 0, None
     for report in reports:
         if isinstance(report, Verdict) and report.pair == pair:
-            at += 1
+            at, last = at + 1, report
             marks += [Mark((at - 1) / fps, "note", note) for note in report.notes if note not in seen]
             seen.update(report.notes)
         elif isinstance(report, Event) and report.pair in {pair, None}:
-            marks.append(Mark(max(at - 1, 0) / fps, f"{report.kind} {report.phase}", report.text))
+            marks.append(_event(report, max(at - 1, 0) / fps, last, fps))
     return marks
+
+
+def _event(event: Event, at_s: float, verdict: Verdict | None, fps: float) -> Mark:
+    of_pair = verdict is not None and event.kind == "async"
+    return Mark(
+        at_s,
+        f"{event.kind} {event.phase}",
+        event.text,
+        since_s=verdict.since_frame / fps if of_pair and verdict and verdict.since_frame is not None else None,
+        cause=event.cause and event.cause.value,
+        camera=event.camera,
+        offset_ms=event.worst.get("offset_ms"),
+        drift_ppm=event.worst.get("drift_ppm"),
+        stamps_ms=_ms(verdict.interval_ns) if verdict else None,
+    )

@@ -140,9 +140,12 @@ class CameraHealth:
         return self.lasting()
 
     def silent_for(self, silence_ns: int) -> None:
-        """Says how long the camera has been silent on any clock; only frames end a silence."""
+        """Says how long the camera has been silent on any clock; only frames end a silence.
+
+        A period of it is no fault: missing is told before three periods and half a second are over for the next frame.
+        """
         overdue_ns = round(OVERDUE_PERIODS * self.period_ns)
-        if silence_ns > overdue_ns + MISSING_NS:
+        if silence_ns > overdue_ns + MISSING_NS - round(self.period_ns):
             self._silence = Note.MISSING
         elif silence_ns > overdue_ns and self._silence is None:
             self._silence = Note.STALLED

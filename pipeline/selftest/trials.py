@@ -112,14 +112,10 @@ def run_all(
     progress(what, 0, len(trials))
     with workers(jobs) as pool:
         pending = [pool.submit(run_trial, make_plan, trial) for trial in trials]
-        try:
-            for done, future in enumerate(as_completed(pending), start=1):
-                future.result()
-                progress(what, done, len(trials))
-            yield from zip(trials, (future.result() for future in pending), strict=True)
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+        for done, future in enumerate(as_completed(pending), start=1):
+            future.result()
+            progress(what, done, len(trials))
+        yield from zip(trials, (future.result() for future in pending), strict=True)
 
 
 def run_trial(make_plan: MakePlan, trial: Trial) -> Rows:

@@ -89,11 +89,11 @@ def test_every_frame_of_a_recording_is_judged_and_told_in_order():
 
 def test_onset_and_end_reach_the_sinks_and_status_follows_the_change():
     sink = ListSink()
-    run_of([*frames(10), *frames(10, 10, PERIOD_NS), *frames(10, 20)], sink).execute()
+    run_of([*frames(30), *frames(10, 30, PERIOD_NS), *frames(10, 40)], sink).execute()
     assert [(event.phase, event.pair) for event in sink.events] == [("onset", "left-right"), ("end", "left-right")]
     assert [status.level for status in sink.statuses].count(Level.ERROR) >= 1
     assert sink.statuses[-1].level is Level.OK
-    assert sink.statuses[-1].cameras["right"].frames == 30
+    assert sink.statuses[-1].cameras["right"].frames == 50
 
 
 @pytest.mark.parametrize(

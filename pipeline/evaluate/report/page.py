@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Sequence
 from html import escape
+from itertools import groupby
 from pathlib import Path
+from urllib.parse import quote
 
 from pipeline.errors import InputError, RunError
 from pipeline.evaluate.columns import COLUMNS, by_manipulation, cells
-from pipeline.evaluate.failures import FAILURE_COLUMNS, by_scenario, confusion, failure_cells
+from pipeline.evaluate.failures import FAILURE_COLUMNS, by_scenario, confusion, confusions, failure_cells, upper_bound
 from pipeline.evaluate.outcome import Outcome
+from pipeline.evaluate.report.sentences import said
 from pipeline.evaluate.report.svg import alone, confusion_svg, timeline_svg
 from pipeline.evaluate.runner import Result
 from pipeline.evaluate.score import Score
 from pipeline.evaluate.suite import Clip
 from pipeline.evaluate.timeline import Timeline
-from pipeline.verdict import Cause
-from pipeline.words import CAUSE_WORDS
 
 DRAWING = """
 text{font:12px sans-serif;fill:currentColor}.in{fill:#fff}.count{font-size:20px}
@@ -35,47 +37,79 @@ td,th{padding:.25rem .6rem;border-bottom:1px solid var(--line);text-align:right;
 td:nth-child(-n+2),th:nth-child(-n+2){text-align:left}
 section{border-top:1px solid var(--line);margin-top:2rem;padding-top:.5rem}
 svg{width:100%;height:auto}.confusion{max-width:470px}
-.good{color:#2a9d5c}.bad{color:#d1382c}.lead{font-size:17px}
+.good{color:#2a9d5c}.bad{color:#d1382c}.lead{font-size:17px}a{color:inherit}
+.matrices{display:flex;flex-wrap:wrap;gap:1rem}figure{margin:0;flex:1 1 300px;max-width:470px}
 ul{margin:.3rem 0}details{background:var(--soft);padding:.3rem .8rem;border-radius:6px}
 """
     + DRAWING
 )
 
 
-def write_report(folder: Path, suite: str, clips: Sequence[Clip], results: Sequence[Result]) -> Path:
-    """Writes `index.html`, and the confusion matrix as a file of its own. Raises InputError or RunError."""
+def make_folder(folder: Path) -> Path:
+    """The folder of a report, which may be new. Raises InputError, before anything has run for it."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--report {folder}: this is a file: name a folder, which may be new")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: a folder for the report cannot be made: {error.strerror}") from error
+        raise InputError(f"--report {folder}: the folder cannot be made: {error.strerror}") from error
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"--report {folder}: cannot be written: permission denied")
+    return folder
+
+
+def write_report(folder: Path, suite: str, clips: Sequence[Clip], results: Sequence[Result]) -> Path:
+    """Writes `index.html`, and the confusion matrix as a file of its own, into a folder. Raises RunError."""
     outcomes = [item for result in results for item in result.outcomes]
-    matrix = confusion_svg(confusion(outcomes))
-    page = _page(suite, clips, results, outcomes, matrix)
     try:
-        (folder / "index.html").write_text(page, encoding="utf-8")
-        (folder / "confusion.svg").write_text(alone(matrix, DRAWING), encoding="utf-8")
+        (folder / "index.html").write_text(_page(suite, clips, results, outcomes), encoding="utf-8")
+        (folder / "confusion.svg").write_text(alone(confusion_svg(confusion(outcomes)), DRAWING), encoding="utf-8")
     except OSError as error:
         raise RunError(f"{folder}: the report cannot be written: {error.strerror}") from error
     return folder / "index.html"
 
 
-def _page(
-    suite: str, clips: Sequence[Clip], results: Sequence[Result], outcomes: Sequence[Outcome], matrix: str
-) -> str:
-    sections = [
-        _section(clip, outcome, timeline)
-        for clip, result in zip(clips, results, strict=True)
-        for outcome, timeline in zip(result.outcomes, result.timelines, strict=True)
-    ]
+def _page(suite: str, clips: Sequence[Clip], results: Sequence[Result], outcomes: Sequence[Outcome]) -> str:
     scores = [item for result in results for item in result.scores]
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<title>{escape(suite)}: evaluation</title><style>{STYLE}</style></head><body>"
-        f"<h1>{escape(suite)}</h1>{_headline(outcomes)}{_tables(clips, outcomes, scores)}"
-        f"<h2>What was true, and what was said</h2><p>Frames with a known truth, {_GRACE}.</p>{matrix}"
-        f"<h2>Every run</h2><p>{_LEGEND}</p>{''.join(sections)}</body></html>\n"
+        f"<h1>{escape(suite)}</h1>{_headline(outcomes)}{_wrong(outcomes)}{_tables(clips, outcomes, scores)}"
+        f"<h2>What was true, and what was said</h2><p>Frames with a known truth, {_GRACE}.</p>{_matrices(outcomes)}"
+        f"<h2>Every run</h2><p>{_LEGEND}</p>{_runs(clips, results)}</body></html>\n"
     )
+
+
+def _matrices(outcomes: Sequence[Outcome]) -> str:
+    """Over all, and of each recording if there are several."""
+    of_each = confusions(outcomes)
+    drawn = {"all": confusion(outcomes), **(of_each if len(of_each) > 1 else {})}
+    figures = (
+        f"<figure><figcaption>{escape(name)}</figcaption>{confusion_svg(counts)}</figure>"
+        for name, counts in drawn.items()
+        if counts
+    )
+    return f'<div class="matrices">{"".join(figures)}</div>'
+
+
+def _runs(clips: Sequence[Clip], results: Sequence[Result]) -> str:
+    """A section each; of a scenario with many seeds, those that were right are folded away behind the first."""
+    made = ""
+    runs = [
+        (clip, outcome, timeline)
+        for clip, result in zip(clips, results, strict=True)
+        for outcome, timeline in zip(result.outcomes, result.timelines, strict=True)
+    ]
+    for _, group in groupby(runs, key=lambda run: (run[1].recording, run[1].scenario)):
+        first, *others = group
+        shown = [run for run in others if run[1].wrong or run[1].state is None]
+        folded = [run for run in others if run not in shown]
+        made += "".join(_section(*run) for run in [first, *shown])
+        if folded:
+            seeds = f"{len(folded)} more {'run' if len(folded) == 1 else 'runs'}, as must be"
+            made += f"<details><summary>{seeds}</summary>{''.join(_section(*run) for run in folded)}</details>"
+    return made
 
 
 _GRACE = "those within a second and a half of a change left out"
@@ -90,10 +124,28 @@ _LEGEND = (
 def _headline(outcomes: Sequence[Outcome]) -> str:
     asked = [run for run in outcomes if run.state is not None]
     right = sum(run.right for run in asked)
-    alarms, hours = sum(run.false_alarms for run in outcomes), sum(run.hours for run in outcomes)
+    alarms, hours = sum(run.false_alarms for run in outcomes), sum(run.hours_in_sync for run in outcomes)
     words = f"{right} of {len(asked)} runs were judged as they must be. " if asked else ""
-    words += f"{alarms} false alarm{'' if alarms == 1 else 's'} in {60 * hours:.1f} minutes of footage."
+    words += f"{alarms} false alarm{'' if alarms == 1 else 's'} in {60 * hours:.1f} minutes of footage in sync"
+    bound = upper_bound(alarms, hours)
+    words += "." if bound is None else f": fewer than {bound:.3g} an hour, with 95 % confidence."
     return f'<p class="lead">{words}</p>'
+
+
+def _wrong(outcomes: Sequence[Outcome]) -> str:
+    """What was not as it must be, each with a way to it."""
+    lines = [
+        f'<li><a href="#{_anchor(run)}">{escape(f"{run.row} {run.scenario}".strip())}</a>, seed {run.seed}: '
+        f"{escape('; '.join(run.wrong))}</li>"
+        for run in outcomes
+        if run.wrong
+    ]
+    return f'<ul class="bad">{"".join(lines)}</ul>' if lines else ""
+
+
+def _anchor(run: Outcome) -> str:
+    """The name of a run's section: letters, digits and what may stand in an address."""
+    return quote(f"{run.recording}/{run.scenario}/{run.pair}/{run.seed}", safe="/-_")
 
 
 def _tables(clips: Sequence[Clip], outcomes: Sequence[Outcome], scores: Sequence[Score]) -> str:
@@ -102,6 +154,7 @@ def _tables(clips: Sequence[Clip], outcomes: Sequence[Outcome], scores: Sequence
     runs = [run for run in outcomes if run.scenario in staged]
     if runs:
         rows = [[row, name, *failure_cells(group)] for (row, name), group in by_scenario(runs).items()]
+        rows.append(["", "all", *failure_cells(runs)])
         made += "<h2>Failures</h2>" + _table(["row", "scenario", *FAILURE_COLUMNS], rows)
     plain = [item for item in scores if item.manipulation not in staged]
     if plain:
@@ -122,38 +175,9 @@ def _section(clip: Clip, outcome: Outcome, timeline: Timeline) -> str:
     where = f"{clip.recording}, {outcome.pair}, seed {clip.seed}"
     about = f"<p>{escape(scenario.about)}</p>" if scenario and scenario.about else ""
     return (
-        f"<section><h3>{escape(name)} <small>{escape(where)}</small></h3>{about}"
+        f'<section id="{_anchor(outcome)}"><h3>{escape(name)} <small>{escape(where)}</small></h3>{about}'
         f"<p><b>{escape(said(timeline))}</b></p>{_rightness(outcome)}{timeline_svg(timeline)}{_happened(timeline)}</section>"
     )
-
-
-def said(timeline: Timeline) -> str:
-    """What was said of the rig, in a sentence or two."""
-    begun = [mark for mark in timeline.marks if mark.kind.endswith(" onset")]
-    notes = [mark.text.replace("_", " ") for mark in timeline.marks if mark.kind == "note"]
-    words = [
-        f"{mark.text[:1].upper()}{mark.text[1:]} ({mark.at_s:.1f} s){_why(timeline, mark.at_s)}." for mark in begun[:4]
-    ]
-    if len(begun) > 4:
-        words.append(f"And {len(begun) - 4} more events.")
-    if not begun:
-        held = {span.what.split(" ")[0] for span in timeline.said}
-        words.append("Nothing is wrong with this rig." if "sync" in held else "Nothing can be said of this rig.")
-    if notes:
-        words.append(f"Noticed besides: {', '.join(notes)}.")
-    return " ".join(words)
-
-
-def _why(timeline: Timeline, at_s: float) -> str:
-    """The cause in words, of what was said when an event began."""
-    here = next((span.what for span in timeline.said if span.from_s <= at_s < span.to_s), "")
-    state, _, cause = here.partition(" ")
-    words = _causes().get(cause) if state == "async" else None
-    return f": {words}" if words else ""
-
-
-def _causes() -> Mapping[str, str]:
-    return {cause.value: CAUSE_WORDS[cause] for cause in Cause}
 
 
 def _rightness(outcome: Outcome) -> str:

@@ -34,7 +34,8 @@ def timeline_svg(timeline: Timeline) -> str:
         title = f"<title>{mark.at_s:.2f} s: {escape(mark.kind)}: {escape(mark.text)}</title>"
         kind = "note" if mark.kind == "note" else "event"
         parts.append(f'<line class="{kind}" x1="{at}" y1="{top_said}" y2="{top_curve + CURVE}">{title}</line>')
-    return f'<svg viewBox="0 0 {WIDTH} {height}" role="img">{"".join(parts)}</svg>'
+    label = 'role="img" aria-label="truth, verdict and offset over time"'
+    return f'<svg viewBox="0 0 {WIDTH} {height}" {label}>{"".join(parts)}</svg>'
 
 
 def _label(text: str, y: float) -> str:
@@ -127,7 +128,8 @@ def confusion_svg(counts: Mapping[str, Mapping[str, int]]) -> str:
                 f'<text x="{x + cell / 2}" y="{y + cell / 2 + 20}" text-anchor="middle">{100 * share:.1f} %</text>'
             )
     height = top + len(counts) * cell
-    return f'<svg class="confusion" viewBox="0 0 {left + 3 * cell} {height}" role="img">{"".join(parts)}</svg>'
+    label = 'role="img" aria-label="confusion matrix: what was true by what was said"'
+    return f'<svg class="confusion" viewBox="0 0 {left + 3 * cell} {height}" {label}>{"".join(parts)}</svg>'
 
 
 def alone(svg: str, style: str) -> str:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
 from pipeline.assemble import KINDS
+from pipeline.configtext.document import ConfigError
+from pipeline.evaluate.runner import check
 from pipeline.evaluate.subsample import SubsampledSource
 from pipeline.evaluate.suite import load_suite
 from syncwatch.testing import ScriptedSource
@@ -114,12 +117,12 @@ def test_scenarios_are_judged_with_every_seed_and_told_in_a_table(staged):
 def test_the_report_needs_nothing_else_and_says_what_is_wrong(staged):
     folder, _ = staged
     page = (folder / "out" / "report" / "index.html").read_text()
-    assert "Right is 100.0 ms earlier than left" in page
+    assert "From 2.0 s on right is a frame (100.0 ms) behind left" in page
     assert "Pictures are &lt;b&gt;old&lt;/b&gt;." in page
     assert "Nothing is wrong with this rig." in page
     assert "4 of 4 runs were judged as they must be" in page
     assert page.count("<svg") == 1 + 4
-    assert not re.search(r"(src|href)=|@import|url\(|<script", page)
+    assert not re.search(r"src=|href=\"[^#]|@import|url\(|<script", page)
     assert (folder / "out" / "report" / "confusion.svg").read_text().startswith("<svg")
 
 
@@ -142,6 +145,31 @@ def test_a_scenario_that_asks_for_what_does_not_exist_is_refused_with_its_place(
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        (STAGED.replace("type: slip", "type: slyp"), "suite.yaml:9:21: error: scenarios.stale.faults[0].type: "),
+        (STAGED.replace("type: slip,", "type: slip, camera: rigth,"), "scenarios.stale.faults[0].camera: no camera"),
+        (STAGED.replace("cause: slip}", "cause: slip, camera: top}"), "suite.yaml:10:49: error: scenarios.stale"),
+        (STAGED.replace(", cause: slip", ""), "expect.cause is required"),
+        (STAGED.replace("cause: slip}", "cause: slip}\n    judge: {sync_tolerance: 1}"), "scenarios.stale.judge"),
+        (STAGED.replace("cause: slip}", "cause: slip}\n    buffer: {max_pending: 0}"), "scenarios.stale.buffer"),
+        (STAGED.replace("fine: {recording: rendered,", "fine: {"), "a source of its own is required"),
+        (STAGED.replace("timestamp: {}", "timestamp: {any: 1}"), "suite.yaml:13:25: error: detectors.timestamp.any"),
+        (STAGED.replace("  fine: {", "  stale: {"), "scenarios.stale: given twice"),
+        (STAGED.replace("seeds", "manipulations: {fine: {}}\nseeds"), "a manipulation has this name, too"),
+        (STAGED.replace("state: sync}", "state: sync, event: knocked}"), "'knocked' is not one of"),
+    ],
+)
+def test_what_is_wrong_with_a_clip_is_said_at_its_place_in_the_suite(tmp_path, monkeypatch, broken, said):
+    monkeypatch.chdir(tmp_path)
+    Path("suite.yaml").write_text(broken)
+    with pytest.raises(ConfigError) as error:
+        check(load_suite(Path("suite.yaml"), {}))
+    assert said in str(error.value)
+    assert str(error.value).startswith("suite.yaml:")
+
+
 def test_single_scenarios_can_be_chosen(tmp_path):
     (tmp_path / "suite.yaml").write_text(STAGED)
     done = syncwatch("evaluate", "suite.yaml", "--only", "fine", "--json", "-", cwd=tmp_path)
@@ -155,12 +183,52 @@ def test_a_suite_that_does_not_exist_is_one_line(tmp_path):
     assert (done.returncode, done.stderr) == (2, "syncwatch: error: nope.yaml: there is no such suite file\n")
 
 
-def test_a_report_is_not_written_over_a_file(tmp_path):
+@pytest.mark.parametrize(
+    ("option", "target", "said"),
+    [
+        ("--report", "taken", "this is a file"),
+        ("--report", "taken/inside", "the folder cannot be made"),
+        ("--json", "folder", "this is a folder"),
+        ("--json", "nowhere/out.json", "there is no folder nowhere"),
+    ],
+)
+def test_what_cannot_be_written_is_said_in_one_line_before_anything_runs(tmp_path, option, target, said):
     (tmp_path / "suite.yaml").write_text(STAGED)
     (tmp_path / "taken").write_text("")
-    done = syncwatch("evaluate", "suite.yaml", "--report", "taken", cwd=tmp_path)
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
-    assert "this is a file" in done.stderr
+    (tmp_path / "folder").mkdir()
+    done = syncwatch("evaluate", "suite.yaml", option, target, cwd=tmp_path)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
+    assert said in done.stderr
+
+
+OWN = """
+scenarios:
+  own:
+    source: {type: synthetic, duration_s: 3, fps: 10, width: 160, height: 120}
+    buffer: {max_pending: 8}
+    judge: {sync_tolerance_ms: 150}
+    faults: [{type: slip, frames: 1}]
+    expect: {state: sync}
+detectors: {timestamp: {}}
+judge: {sync_tolerance_ms: 5}
+"""
+
+
+def test_a_scenario_may_have_a_source_a_buffer_and_a_judge_of_its_own(tmp_path):
+    (tmp_path / "suite.yaml").write_text(OWN)
+    done = syncwatch("evaluate", "suite.yaml", "--json", "-", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (run,) = json.loads(done.stdout)["runs"]
+    assert (run["recording"], run["right"]) == ("own", True)
+
+
+def test_a_recording_of_unknown_truth_makes_neither_confusion_nor_false_alarms(tmp_path):
+    suite = STAGED.replace("recording: rendered\n", "recording: rendered\n    truth: unknown\n")
+    (tmp_path / "suite.yaml").write_text(suite.replace(", cause: slip}", "}"))
+    done = syncwatch("evaluate", "suite.yaml", "--only", "stale", "--json", "-", cwd=tmp_path)
+    told = json.loads(done.stdout)
+    assert told["confusion"] == told["confusion_by_recording"] == {}
+    assert [run["false_alarms"] for run in told["runs"]] == [0, 0]
 
 
 @pytest.mark.parametrize("suite", ["suite.yaml", "suite-real.yaml", "suite-hours.yaml"])

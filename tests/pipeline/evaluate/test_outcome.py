@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,9 @@ FPS = 10
 STATES = {"s": State.SYNC, "a": State.ASYNC, "u": State.UNKNOWN}
 
 
-def clip(**expect: Any) -> Clip:
-    scenario = Scenario(row="F0", recording="room", expect=Expected.model_validate(expect)) if expect else None
+def clip(truth: str = "known", **expect: Any) -> Clip:
+    wanted = {"row": "F0", "recording": "room", "truth": truth, "expect": expect}
+    scenario = Scenario.model_validate(wanted) if expect else None
     return Clip("room", "what", 0, {}, None, Path(), 0, 0, scenario)
 
 
@@ -114,6 +116,74 @@ def test_a_missing_camera_is_judged_by_its_gap():
         state="async", cause="missing", said_cause="missing",
     )  # fmt: skip
     assert (made.right, made.delay_frames, made.false_alarms) == (True, 8, 0)
+
+
+def test_an_event_that_comes_twice_is_one_too_many():
+    made = outcome(FAULT, FOUND, (36, event()), (50, event()), **SLIP)
+    assert (made.right, made.wrong) == (False, ["events 2 async/slip of right in place of async/slip of right"])
+
+
+def test_what_was_said_before_the_fault_is_not_found_but_false():
+    made = outcome(FAULT, "s" * 20 + "a" * 50, (22, event()), **SLIP)
+    assert (made.delay_frames, made.event, made.false_alarms) == (None, False, 1)
+    assert "10 of 30 frames in sync called out of sync" in "; ".join(made.wrong)
+    assert "an event began while all was well" in made.wrong
+
+
+def test_a_fault_that_is_over_must_not_be_called_for_ever():
+    truth = "s" * 30 + "a" * 30 + "s" * 60
+    assert outcome(truth, "s" * 34 + "a" * 30 + "s" * 56, (36, event()), **SLIP).right
+    made = outcome(truth, "s" * 34 + "a" * 86, (36, event()), **SLIP)
+    assert made.wrong == ["45 of 75 frames in sync called out of sync"]
+
+
+def test_an_offset_that_grows_may_be_told_when_it_is_half_a_tolerance():
+    def ramp(first_async: int) -> Outcome:
+        stream: list[Report] = []
+        for n, verdict in enumerate(verdicts("s" * 10 + "a" * 40, "s" * first_async + "a" * (50 - first_async))):
+            truth = PairTruth(500_000 * n, State.ASYNC if n > 10 else State.SYNC)
+            stream.append(replace(verdict, truth=truth))
+        return outcome_of(clip(**SLIP), "left-right", FPS, stream)
+
+    assert (ramp(13).delay_frames, ramp(8).delay_frames, ramp(4).delay_frames) == (2, 0, None)
+
+
+def test_a_frame_without_a_partner_must_be_unknown():
+    assert outcome("s" * 30 + "-" + "s" * 29, "s" * 30 + "u" + "s" * 29, state="sync").right
+    made = outcome("s" * 30 + "-" + "s" * 29, "s" * 60, state="sync")
+    assert made.wrong == ["1 frames without a partner were decided"]
+
+
+def test_silence_is_right_only_where_it_is_allowed():
+    assert not outcome("s" * 60, "s" * 10 + "u" * 50, state="sync").right
+    assert outcome("s" * 60, "s" * 10 + "u" * 50, state="sync", unknown=True).right
+    assert not outcome("s" * 60, "u" * 40 + "a" + "u" * 19, state="sync", unknown=True).right
+
+
+def test_a_fault_may_have_to_be_found_in_time():
+    assert outcome(FAULT, FOUND, (36, event()), **SLIP, within_frames=4).right
+    assert outcome(FAULT, FOUND, (36, event()), **SLIP, within_frames=3).wrong == ["found after 4 frames, not within 3"]
+
+
+def test_where_the_truth_is_unknown_what_is_said_most_counts():
+    def loose(said: str, **expect: Any) -> Outcome:
+        stream: list[Report] = [*verdicts("s" * 60, said)]
+        stream[40:40] = [event(), event()]
+        return outcome_of(clip("unknown", **expect), "left-right", FPS, stream)
+
+    made = loose("u" * 10 + "a" * 50, state="async")
+    assert (made.right, made.false_async, made.false_alarms, made.confusion) == (True, 0, 0, {})
+    assert (made.has_onset, made.hours_in_sync) == (False, 0)
+    assert not loose("s" * 60, state="async").right
+    silent = outcome_of(clip("unknown", state="async"), "left-right", FPS, verdicts("s" * 60, "a" * 60))
+    assert silent.event is False
+    assert loose("u" * 10 + "a" * 50, state="async", cause="phase").wrong == ["cause slip in place of phase"]
+
+
+def test_only_time_in_sync_counts_for_false_alarms():
+    made = outcome(FAULT, FOUND, (36, event()), **SLIP)
+    assert (made.hours, made.hours_in_sync) == (pytest.approx(7 / 3600), pytest.approx(3 / 3600))
+    assert dict(zip(FAILURE_COLUMNS, failure_cells([made]), strict=True))["false alarms/h"] == "0 (< 3.6e+03)"
 
 
 def test_nothing_may_be_said_where_nothing_can():
