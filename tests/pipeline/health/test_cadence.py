@@ -247,7 +247,7 @@ def test_synthesised_stamps_show_no_gap_and_no_rate():
 
 
 @pytest.mark.parametrize(
-    ("silent_ms", "note"), [(90, None), (110, Note.STALLED), (590, Note.STALLED), (610, Note.MISSING)]
+    ("silent_ms", "note"), [(90, None), (110, Note.STALLED), (560, Note.STALLED), (610, Note.MISSING)]
 )
 def test_silence_is_a_stall_then_the_camera_is_missing(silent_ms, note):
     health = CameraHealth(Camera("right", FPS))
