@@ -24,6 +24,9 @@ LEAST_COMPARED = 9
 LEAST_STEPS, FEW_STEPS = 5, 20
 """Changes from frame to frame that tell roughly how noisy stamps are, and well: before, they accuse nobody."""
 
+DOUBT = 2.0
+"""Times the largest of a few changes that noise may still be: the largest of five is below half of it once in sixty."""
+
 RECENT = 3
 """Stamps that are smoothed where they are set against pictures: one may be wrong."""
 
@@ -128,8 +131,10 @@ class StampWitness:
         """
         usual = median(self._steps) if self._steps else 0.0
         off = sorted(abs(step - usual) for step in self._steps)
+        if len(off) < FEW_STEPS:
+            return DOUBT * off[-1] / 2**0.5 if off else 0.0
         if len(off) < COMPARED:
-            return off[-1 if len(off) < FEW_STEPS else -3] / 2**0.5 if off else 0.0
+            return off[-3] / 2**0.5
         return MAD_TO_SIGMA * off[len(off) // 2] / 2**0.5
 
     @property
