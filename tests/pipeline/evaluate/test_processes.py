@@ -30,7 +30,13 @@ def evaluating(folder):
     (folder / "suite.yaml").write_text(LONG)
     command = [sys.executable, "-m", "syncwatch", "evaluate", "suite.yaml", "--jobs", "2"]
     with subprocess.Popen(
-        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+        command,
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        preexec_fn=_listen_to_ctrl_c,  # noqa: PLW1509 - no threads here
     ) as process:
         try:
             wait_for(lambda: sum(map(busy, {*processes_of(process.pid)} - {process.pid})) == 2, 40)
@@ -38,6 +44,11 @@ def evaluating(folder):
         finally:
             for left in processes_of(process.pid):
                 os.kill(left, signal.SIGKILL)
+
+
+def _listen_to_ctrl_c() -> None:
+    """A shell that runs the tests in the background has them, and what they start, ignore it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def busy(pid: int) -> bool:
