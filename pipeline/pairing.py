@@ -12,6 +12,9 @@ from pipeline.frame import NS_PER_S, Camera, Frame
 
 __all__ = ["SAME_EPOCH_NS", "Counters", "Pairer", "Slot"]
 
+Identity: TypeAlias = tuple[int | None, int, int, int | None]
+"""Group, epoch, stamp and counter of a frame."""
+
 Slot: TypeAlias = dict[str, Frame | None]
 """One frame of every camera, None for a hole. A slot of holes only marks a gap in time."""
 
@@ -42,7 +45,7 @@ class _Lane:
     pending: deque[tuple[int, Frame]] = field(default_factory=deque)
     learning: int = 0
     floor: int | None = None
-    last: tuple[int, int | None] | None = None
+    last: Identity | None = None
     epoch: int | None = None
     heard: bool = False
     absent: bool = False
@@ -152,11 +155,11 @@ class Pairer:
     def _enqueue(self, placed: Iterable[Placed]) -> None:
         for key, frame in placed:
             lane = self._lanes[frame.camera]
-            if key is None or (lane.floor is not None and key <= lane.floor):
-                repeated = (key, frame.sequence) == lane.last
-                (self.counters.duplicates if repeated else self.counters.late)[frame.camera] += 1
-            elif any(key == other for other, _ in lane.pending):
+            known = [_identity(other) for _, other in lane.pending]
+            if _identity(frame) in (lane.last, *known) or any(key == other for other, _ in lane.pending):
                 self.counters.duplicates[frame.camera] += 1
+            elif key is None or (lane.floor is not None and key <= lane.floor):
+                self.counters.late[frame.camera] += 1
             else:
                 lane.pending.append((key, frame))
                 if len(lane.pending) > 1 and lane.pending[-2][0] > key:
@@ -227,7 +230,7 @@ class Pairer:
             lane = self._lanes[name]
             if name == opener or name in partners:
                 key, frame = lane.pending.popleft()
-                lane.last, lane.floor = (key, frame.sequence), key
+                lane.last, lane.floor = _identity(frame), key
                 slot[name] = frame
                 keys[name] = key
             else:
@@ -238,6 +241,11 @@ class Pairer:
         self._last_key = start
         self._timeline.follow(keys)
         yield slot
+
+
+def _identity(frame: Frame) -> Identity:
+    """What a frame that is delivered twice has in common with itself: its key may move with the clock it follows."""
+    return frame.group, frame.epoch, frame.captured_ns, frame.sequence
 
 
 def _most_pending(camera: Camera, slowest_ns: int) -> int:

@@ -225,10 +225,6 @@ def test_cameras_without_groups_that_come_a_frame_late(faults, own_clocks):
     same_live(plan, Recorded(cameras, frames), frames, slots, [1])
 
 
-@pytest.mark.xfail(
-    reason="the offset of a clock that is followed moves between a frame and its repetition, and pairing knows "
-    "repetitions by their keys: they open slots of their own, or not, by when they come, so live and replay differ"
-)
 def test_a_repeated_frame_of_a_clock_of_its_own_opens_no_slot():
     cameras, grouped, slots = delivered(plan_of(SMALL, REPEATED, ["timestamp"]))
     pairer = Pairer(cameras)
