@@ -7,6 +7,10 @@ SyncwatchError
 
 from __future__ import annotations
 
+import logging
+
+log = logging.getLogger("syncwatch.errors")
+
 
 class SyncwatchError(Exception):
     """Base of all errors that are shown to the user as one line, without a traceback."""
@@ -18,3 +22,11 @@ class InputError(SyncwatchError):
 
 class RunError(SyncwatchError):
     """A part failed while running. The text names the part."""
+
+
+def explained(what: str, error: BaseException) -> SyncwatchError:
+    """The error as a sentence for people; our own already are. `what` failed, in words."""
+    log.debug("%s", what, exc_info=error)
+    if isinstance(error, SyncwatchError):
+        return error
+    return RunError(f"{what}: {type(error).__name__}: {error}")

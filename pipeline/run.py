@@ -13,12 +13,13 @@ from typing import NamedTuple
 from pipeline.align import Aligner
 from pipeline.buffer import WindowBuffer
 from pipeline.conditions import Conditions
-from pipeline.errors import RunError, SyncwatchError
-from pipeline.frame import NS_PER_S, Detector, Source, Window
+from pipeline.errors import RunError, SyncwatchError, explained
+from pipeline.frame import NS_PER_S, Detector, Frame, Source, Window
 from pipeline.geometry.rig import RigGeometry
 from pipeline.health.observer import Observation, Observer
 from pipeline.judge import Judge
 from pipeline.queues import BoundedQueue, QueueClosedError
+from pipeline.sink_thread import PATIENCE_S, SinkThread
 from pipeline.status import StatusKeeper
 from pipeline.verdict import Event, Evidence, Report, Sink, State, Verdict
 
@@ -27,16 +28,10 @@ log = logging.getLogger("syncwatch.run")
 WINDOWS_AHEAD = 4
 """Windows that may wait for detection: a tenth of a second of jitter, without piling up latency."""
 
-REPORTS_AHEAD = 1000
-"""Reports that may wait for a sink: half a minute of a stereo rig at 30 fps."""
-
 POLL_S = 0.1
 """How often an idle run looks whether it should end or a status is due."""
 
 STATUS_EVERY_NS = NS_PER_S
-
-PATIENCE_S = 10.0
-"""How long a sink may take to start or to finish, and a source to stop, before it is given up."""
 
 
 class Seen(NamedTuple):
@@ -61,73 +56,6 @@ class Parts:
     conditions: Conditions
     sinks: Mapping[str, Sink]
     on_report: Callable[[Report], None] = field(default=lambda _: None)
-
-
-class SinkThread:
-    """One sink on a thread of its own behind a bounded queue."""
-
-    def __init__(self, name: str, sink: Sink, *, wait: bool) -> None:
-        self.name = name
-        self.failure: SyncwatchError | None = None
-        self._sink = sink
-        self._queue: BoundedQueue[Report] = BoundedQueue(
-            REPORTS_AHEAD, wait=wait, expendable=lambda report: isinstance(report, Verdict)
-        )
-        self._started = threading.Event()
-        self._thread = threading.Thread(target=self._work, name=f"sink-{name}", daemon=True)
-
-    @property
-    def dropped(self) -> int:
-        return self._queue.dropped
-
-    def start(self) -> None:
-        """Starts the sink and waits until it is ready. Raises what kept it from starting."""
-        self._thread.start()
-        if not self._started.wait(PATIENCE_S):
-            self.failure = RunError(f"sink '{self.name}' did not start within {PATIENCE_S:.0f} s")
-        if self.failure is not None:
-            raise self.failure
-
-    def put(self, report: Report) -> None:
-        try:
-            self._queue.put(report)
-        except QueueClosedError:
-            return
-
-    def hurry(self) -> None:
-        self._queue.hurry(PATIENCE_S)
-
-    def finish(self) -> None:
-        """Lets the sink have what is left, for a while, then stops it."""
-        self._queue.close()
-        self._thread.join(PATIENCE_S)
-        if self._thread.is_alive() and self.failure is None:
-            self.failure = RunError(
-                f"sink '{self.name}' did not finish within {PATIENCE_S:.0f} s: {len(self._queue)} reports lost"
-            )
-
-    def _work(self) -> None:
-        try:
-            self._sink.start()
-        except BaseException as error:  # a user's own sink may raise anything, or call sys.exit
-            self._fail("could not start", error)
-            self._started.set()
-            return
-        self._started.set()
-        try:
-            try:
-                while True:
-                    self._sink.take(self._queue.get())
-            except QueueClosedError:
-                pass
-            finally:
-                self._sink.stop()
-        except BaseException as error:  # as above
-            self._fail("failed", error)
-
-    def _fail(self, what: str, error: BaseException) -> None:
-        self.failure = _explained(f"sink '{self.name}' {what}", error)
-        self._queue.close()
 
 
 class Run:
@@ -179,7 +107,7 @@ class Run:
         except KeyboardInterrupt:  # the run is abandoned
             raise
         except BaseException as error:  # whatever else it is, sinks and source are wound up first
-            failures.append(_explained("judging failed", error))
+            failures.append(explained("judging failed", error))
         failures += self._stop_source()
         for sink in started:
             sink.finish()
@@ -187,6 +115,8 @@ class Run:
         for sink in started:
             if sink.dropped:
                 log.warning("sink '%s' was too slow: %d reports dropped", sink.name, sink.dropped)
+            if sink.dropped_frames:
+                log.warning("sink '%s' was too slow: %d frames dropped", sink.name, sink.dropped_frames)
         self._say_what_was_left_out()
         for other in failures[1:]:
             if other is not failures[0]:
@@ -219,23 +149,28 @@ class Run:
             try:
                 close()
             except Exception as error:  # a user's own detector may raise anything
-                raise _explained(f"detector '{name}' could not be closed", error) from error
+                raise explained(f"detector '{name}' could not be closed", error) from error
 
     def _read(self) -> None:
         """The source's thread: frames in, windows out."""
         parts = self._parts
         try:
             for frame in parts.source.frames():
+                self._show(frame)
                 parts.observer.push(frame)
                 self._hand_on(parts.buffer.push(frame))
             self._hand_on(parts.buffer.flush())
         except QueueClosedError:
             pass
         except BaseException as error:  # a user's own source may raise anything
-            self._source_failure = _explained("the source failed", error)
+            self._source_failure = explained("the source failed", error)
             self._flush_after_failure()
         finally:
             self._windows.close()
+
+    def _show(self, frame: Frame) -> None:
+        for sink in self._sinks:
+            sink.put_frame(frame)
 
     def _hand_on(self, windows: Iterable[Window]) -> None:
         for window in windows:
@@ -289,7 +224,7 @@ class Run:
             try:
                 evidence += detector.observe(window)
             except Exception as error:  # a user's own detector may raise anything
-                raise _explained(f"detector '{name}' failed at window {window.index}", error) from error
+                raise explained(f"detector '{name}' failed at window {window.index}", error) from error
         verdicts = parts.judge.judge(window, evidence, observation)
         self._tell(verdicts, [*parts.conditions.observe(observation), *self._geometry_events(window, verdicts)])
         if parts.aligner is not None:
@@ -336,7 +271,7 @@ class Run:
         try:
             self._parts.source.stop()
         except Exception as error:  # a user's own source may raise anything
-            return [_explained("the source could not be stopped", error)]
+            return [explained("the source could not be stopped", error)]
         return []
 
     def _stop_source(self) -> list[SyncwatchError]:
@@ -351,13 +286,5 @@ class Run:
         try:
             self._parts.source.close()
         except Exception as error:  # as above
-            failures.append(_explained("the source could not be closed", error))
+            failures.append(explained("the source could not be closed", error))
         return failures
-
-
-def _explained(what: str, error: BaseException) -> SyncwatchError:
-    """The error as a sentence for people; our own already are."""
-    log.debug("%s", what, exc_info=error)
-    if isinstance(error, SyncwatchError):
-        return error
-    return RunError(f"{what}: {type(error).__name__}: {error}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 if TYPE_CHECKING:
     from pipeline.frame import Frame
@@ -401,6 +401,21 @@ class Sink(Protocol):
     def take(self, report: Report) -> None: ...
 
     def stop(self) -> None: ...
+
+
+@runtime_checkable
+class FrameSink(Protocol):
+    """A sink that takes frames as well as reports.
+
+    While `wants_frames` is true, `take_frame` is called with every frame of the source, after faults and before it is
+    judged, on the sink's thread and in order with its reports. A few frames may wait; for a sink that is not
+    `lossless`, and on a live rig, the oldest gives way (counted, and said at the end).
+    """
+
+    @property
+    def wants_frames(self) -> bool: ...
+
+    def take_frame(self, frame: Frame) -> None: ...
 
 
 def ms(value_ns: int | None) -> float | None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import pipeline.run
+import pipeline.sink_thread
 from pipeline.buffer import BufferSettings, WindowBuffer
 from pipeline.conditions import Conditions
 from pipeline.detectors.timestamp import TimestampDetector, TimestampSettings
@@ -60,6 +61,7 @@ def run_of(
 @pytest.fixture
 def _impatient(monkeypatch):
     monkeypatch.setattr(pipeline.run, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(pipeline.sink_thread, "PATIENCE_S", 0.5)
 
 
 class Failing:
@@ -155,7 +157,7 @@ def test_a_stuck_sink_does_not_falsify_what_the_others_are_told():
 
 
 def test_a_recording_waits_for_a_lossless_sink(monkeypatch):
-    monkeypatch.setattr(pipeline.run, "REPORTS_AHEAD", 5)
+    monkeypatch.setattr(pipeline.sink_thread, "REPORTS_AHEAD", 5)
 
     class Slowish(ListSink):
         def take(self, report):
@@ -165,6 +167,49 @@ def test_a_recording_waits_for_a_lossless_sink(monkeypatch):
     sink = Slowish()
     run_of(frames(300), sink).execute()
     assert len(sink.verdicts) == 300
+
+
+class FramesToo(ListSink):
+    wants_frames = True
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.frames: list[Frame] = []
+
+    def take_frame(self, frame: Frame) -> None:
+        if self._hold is not None:
+            self._hold.wait()
+        self.frames.append(frame)
+
+
+def test_a_sink_that_wants_frames_gets_every_one_before_it_is_judged():
+    sink = FramesToo()
+    given = frames(100)
+    run_of(given, sink, ListSink()).execute()
+    assert sink.frames == given
+    assert [verdict.frame for verdict in sink.verdicts] == list(range(100))
+
+
+def test_a_slow_sink_loses_the_oldest_frames_and_no_verdict(caplog):
+    hold = threading.Event()
+    sink = FramesToo(lossless=False, hold=hold)
+    good = ListSink()
+    given = frames(100)
+    run = run_of([*given, hold], sink, good)
+    threading.Timer(0.5, hold.set).start()
+    run.execute()
+    assert sink.frames[-32:] == given[-32:]
+    assert len(sink.frames) < 50
+    assert f"{len(given) - len(sink.frames)} frames dropped" in caplog.text
+    assert len(sink.verdicts) == len(good.verdicts) == 100
+
+
+def test_a_recording_waits_for_a_lossless_sink_of_frames(monkeypatch):
+    monkeypatch.setattr(pipeline.sink_thread, "FRAMES_AHEAD", 2)
+    sink = FramesToo()
+    given = frames(100)
+    run_of(given, sink).execute()
+    assert sink.frames == given
 
 
 def test_stopping_judges_what_was_delivered_and_ends_in_order():
