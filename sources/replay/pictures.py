@@ -73,9 +73,8 @@ def read_picture(path: Path) -> Raw:
         data = path.read_bytes()
     except OSError as error:
         raise unreadable(path, error) from error
-    damage = _damage(data)
-    if damage is not None:
-        raise InputError(f"{path}: {damage}: replace the picture or remove it (a missing one is a hole)")
+    if (wrong := damage(data)) is not None:
+        raise InputError(f"{path}: {wrong}: replace the picture or remove it (a missing one is a hole)")
     with quiet():
         try:
             raw = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -96,7 +95,7 @@ def quiet() -> Iterator[None]:
         cv2.utils.logging.setLogLevel(level)
 
 
-def _damage(data: bytes) -> str | None:
+def damage(data: bytes) -> str | None:
     """What is wrong with a picture file as far as its bytes tell; OpenCV decodes half a picture without a word."""
     if not data:
         return "is empty (0 bytes)"
