@@ -162,14 +162,18 @@ def build_source(
     return FaultedSource(source, make_faults, plan.config.buffer, renderer)
 
 
-def build_rig(plan: Plan, cameras: Sequence[Camera]) -> Rig:
-    """The rig with its pairs. Raises ConfigError for a pair of cameras that do not exist."""
+def build_rig(plan: Plan, source: Source) -> Rig:
+    """The rig of an open source, with its pairs. Raises ConfigError for a pair of cameras that do not exist."""
+    cameras = source.cameras
     names = [camera.name for camera in cameras]
     if len(set(names)) < 2 or len(set(names)) < len(names):
         raise InputError(
             f"the source has {', '.join(names) or 'no camera'}: two or more cameras of different names are needed"
         )
-    if plan.config.pairs is None:
+    told = getattr(source, "pairs", None)
+    if plan.config.pairs is None and told:
+        pairs = [Pair(first, second) for first, second in told]
+    elif plan.config.pairs is None:
         pairs = [Pair(names[0], other) for other in names[1:]]
     else:
         problems = [
@@ -197,7 +201,7 @@ def assemble(
 
     console: where sinks that talk to people print. on_report: called with everything that sinks get, before they do.
     """
-    rig = build_rig(plan, source.cameras)
+    rig = build_rig(plan, source)
     config = plan.config
     context = SinkContext(plan, rig, source.frame_count, console)
     classic = config.judge.combine == "classic"

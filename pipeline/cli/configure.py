@@ -84,7 +84,7 @@ def _opened_lines(plan: Plan) -> list[tuple[str, str]]:
     """The plan with what only the open source can tell: its cameras and the pairs made of them."""
     source = open_source(plan)
     try:
-        rig = build_rig(plan, source.cameras)
+        rig = build_rig(plan, source)
         assemble(plan, source, console=sys.stderr)
     finally:
         source.close()

@@ -128,7 +128,7 @@ def evaluate_clip(clip: Clip) -> Result:
 
     try:
         parts = assemble(clip.plan(KINDS), source, console=io.StringIO(), on_report=collect)
-        pairs = [pair.name for pair in build_rig(clip.plan(KINDS), source.cameras).pairs]
+        pairs = [pair.name for pair in build_rig(clip.plan(KINDS), source).pairs]
         Run(parts).execute()
     except RunError as error:
         raise RunError(f"{clip.label}: {error}") from None

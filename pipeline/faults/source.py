@@ -54,6 +54,11 @@ class FaultedSource:
         cut = {fault.camera.name for fault in self._faults if isinstance(fault, Truncate) and fault.ended}
         return cut.union(getattr(self._source, "ended", ()))
 
+    @property
+    def pairs(self) -> Sequence[tuple[str, str]] | None:
+        told: Sequence[tuple[str, str]] | None = getattr(self._source, "pairs", None)
+        return told
+
     def open(self) -> None:
         self._source.open()
         try:

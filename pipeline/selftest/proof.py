@@ -108,7 +108,7 @@ def prove(make_plan: MakePlan, jobs: int, progress: Progress) -> Proof:
 def _as_recorded(plan: Plan, progress: Progress) -> tuple[Rig, Rows]:
     source = open_footage(plan)
     try:
-        rig = build_rig(plan, source.cameras)
+        rig = build_rig(plan, source)
     except BaseException:
         source.close()
         raise

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from sources.replay import euroc, files, folders, videos
+from sources.replay.messages import recording as messages
 from sources.replay.streams import Recording, Request
 
 EXPECTED = (
@@ -29,6 +30,9 @@ class Format:
 
 
 FORMATS: Mapping[str, Format] = {
+    "mcap": Format(messages.is_messages_in_mcap, messages.no_lone_camera, messages.read),
+    "rosbag1": Format(messages.is_rosbag1, messages.no_lone_camera, messages.read),
+    "rosbag2": Format(messages.is_rosbag2, messages.no_lone_camera, messages.read),
     "euroc": Format(euroc.matches, euroc.lone_camera, euroc.read),
     "folders": Format(folders.matches, folders.lone_camera, folders.read),
     "videos": Format(videos.matches, videos.lone_camera, videos.read),

@@ -36,7 +36,7 @@ class Round:
         return not self._extents
 
     def saw(self, stream: Stream, entry: Entry) -> None:
-        self._take("sequence", entry.sequence)
+        self._take("sequence", entry.sequence or 0)
         self._take("group", entry.group or 0)
         self._take("ns", entry.captured_ns - stream.origin_ns)
 

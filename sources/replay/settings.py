@@ -12,6 +12,22 @@ PathText = Annotated[str, Field(min_length=1)]
 Name = Annotated[str, Field(pattern="^[a-z0-9_]+$")]
 
 
+FormatName = Literal[
+    "auto",
+    "mcap",
+    "rosbag1",
+    "rosbag2",
+    "euroc",
+    "tumvi",
+    "kitti",
+    "caliscope",
+    "depthai",
+    "folders",
+    "videos",
+    "halves",
+]
+
+
 class ReplaySettings(Settings):
     """A recording, as one folder, or as one folder of pictures or one video a camera.
 
@@ -22,17 +38,26 @@ class ReplaySettings(Settings):
     cameras:      names in the order of the streams (natural order in one folder, else the order of `path`).
     pair_by:      `number` (last digits of the file name), `index` (place in natural order) or `time` (timestamps).
     trust_stamps: judge by timestamps that were made up from `fps`, too.
+    topics:       of a recording of messages: topics by camera names, or in the order of the cameras.
+    stamps:       of a recording of messages: `header` (when pictures were taken) or `log` (when they were recorded).
+    layout:       of a single video: `side_by_side` or `top_bottom`, first camera first; `auto` recognises two views.
+    from_s, to_s: the part of the recording that is replayed, in seconds from its start.
     """
 
     type: Literal["replay"] = "replay"
     path: PathText | Annotated[list[PathText], Field(min_length=1)]
-    format: Literal["auto", "euroc", "folders", "videos"] = "auto"
+    format: FormatName = "auto"
     fps: float | None = Field(default=None, ge=0.001, le=100_000)
     speed: Annotated[float, Field(gt=0)] | Literal["max"] = "max"
     loop: bool = False
     cameras: list[Name] | None = None
     pair_by: Literal["auto", "number", "index", "time"] = "auto"
     trust_stamps: bool = False
+    topics: dict[Name, PathText] | Annotated[list[PathText], Field(min_length=2)] | None = None
+    stamps: Literal["auto", "header", "log"] = "auto"
+    layout: Literal["auto", "side_by_side", "top_bottom"] = "auto"
+    from_s: float | None = Field(default=None, ge=0, le=1e9)
+    to_s: float | None = Field(default=None, gt=0, le=1e9)
 
     @field_validator("cameras")
     @classmethod

@@ -18,6 +18,7 @@ from sources.replay.rounds import Round
 from sources.replay.settings import ReplaySettings
 from sources.replay.streams import Entry, Recording, Request, Stream
 
+LONGEST_NS = 1 << 62
 LONGEST_WAIT_S = 3600.0
 """A wait is repeated until its moment has come; a single one of any length would overflow."""
 
@@ -42,6 +43,8 @@ class ReplaySource:
         self._makers: dict[str, PictureMaker] = {}
         self._started: tuple[int, int] | None = None
         self._merge: Merge | None = None
+        self._from_ns = -LONGEST_NS if settings.from_s is None else round(settings.from_s * NS_PER_S)
+        self._to_ns = LONGEST_NS if settings.to_s is None else round(settings.to_s * NS_PER_S)
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
@@ -54,6 +57,11 @@ class ReplaySource:
     @property
     def ended(self) -> Collection[str]:
         return () if self._merge is None else self._merge.ended
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...] | None:
+        """Which cameras belong together, where the recording tells."""
+        return None if self._recording is None else self._recording.pairs
 
     def open(self) -> None:
         """Recognises the recording and decodes the first picture of every camera."""
@@ -77,8 +85,13 @@ class ReplaySource:
                 for stream, entry in entries:
                     if self._stopped.is_set():
                         return
+                    at_ns = entry.captured_ns - stream.origin_ns
+                    if at_ns < self._from_ns:
+                        continue
+                    if at_ns >= self._to_ns:
+                        break
                     image = self._picture(stream, entry)
-                    if self._stops_before(round_.shift_ns + entry.captured_ns - stream.origin_ns):
+                    if self._stops_before(round_.shift_ns + at_ns):
                         return
                     round_.saw(stream, entry)
                     yield self._frame(self._recording, stream, entry, image, round_)
@@ -104,12 +117,13 @@ class ReplaySource:
     def _frame(self, recording: Recording, stream: Stream, entry: Entry, image: Picture, round_: Round) -> Frame:
         return Frame(
             camera=stream.name,
-            sequence=entry.sequence + round_.shift_sequence,
+            sequence=None if entry.sequence is None else entry.sequence + round_.shift_sequence,
             captured_ns=entry.captured_ns + round_.shift_ns,
             clock=recording.clock,
-            arrived_ns=self._clock_ns(),
+            arrived_ns=self._clock_ns() if entry.arrived_ns is None else entry.arrived_ns + round_.shift_ns,
             image=image,
             group=None if entry.group is None else entry.group + round_.shift_group,
+            exposure_ns=entry.exposure_ns,
             stamp_origin=recording.stamp_origin,
         )
 

@@ -25,13 +25,18 @@ SAME_EPOCH_NS = 2 * NS_PER_S
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One frame of a stream. `load` reads its picture, at most once and before the next entry is asked for."""
+    """One frame of a stream. `load` reads its picture, at most once and before the next entry is asked for.
 
-    sequence: int
+    arrived_ns: when it was recorded, where that is known. exposure_ns: its exposure, likewise.
+    """
+
+    sequence: int | None
     group: int | None
     captured_ns: int
     where: str
     load: Callable[[], Raw]
+    arrived_ns: int | None = None
+    exposure_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +61,12 @@ class Stream:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """All streams of a recording, in the order of its cameras."""
+    """All streams of a recording, in the order of its cameras. pairs: which of them belong together, where it tells."""
 
     streams: tuple[Stream, ...]
     stamp_origin: StampOrigin
     clock: str = "recording"
+    pairs: tuple[tuple[str, str], ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
