@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import click
 
 from pipeline.answer import answer
-from pipeline.cli.common import CANNOT_TELL, DONE, OUT_OF_SYNC, execute, read_plan, set_option
-from pipeline.cli.replay import recording_plan
+from pipeline.cli.common import CANNOT_TELL, DONE, OUT_OF_SYNC, execute, set_option
+from pipeline.cli.recording import RecordingOptions, plan_of, recording_options
 from pipeline.errors import InputError
-from pipeline.plan import Plan
 from pipeline.tally import Tally
 from pipeline.verdict import State, Verdict
 
@@ -24,15 +22,15 @@ UNIT_S = {"ms": 0.001, "s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}
 @click.option(
     "--for", "duration", metavar="TIME", help="Judge a live rig for this long, e.g. 10s (default: to the end)."
 )
-@click.option("--fps", type=float, help="Frame rate of a recording without timestamps (30 if unknown).")
+@recording_options
 @set_option
-def check(path: tuple[str, ...], duration: str | None, fps: float | None, overrides: tuple[str, ...]) -> int:
+def check(path: tuple[str, ...], duration: str | None, options: RecordingOptions, overrides: tuple[str, ...]) -> int:
     """Say whether the recording, or the rig of the configuration, at PATH is in sync.
 
     Exit status 0: in sync. 3: out of sync. 4: cannot tell.
     """
     tally = Tally()
-    plan = _plan(path, fps, overrides)
+    plan = plan_of(path, options, sinks={"console": {"style": "progress"}}, overrides=overrides)
     interrupted = execute(
         plan,
         on_report=lambda report: tally.add(report) if isinstance(report, Verdict) else None,
@@ -41,14 +39,6 @@ def check(path: tuple[str, ...], duration: str | None, fps: float | None, overri
     result = answer(tally)
     click.echo(f"{plan.config.rig}: {result.text}")
     return interrupted or STATUS[result.state]
-
-
-def _plan(path: tuple[str, ...], fps: float | None, overrides: tuple[str, ...]) -> Plan:
-    if len(path) == 1 and Path(path[0]).suffix in {".yaml", ".yml"}:
-        if fps is not None:
-            overrides = (*overrides, f"source.fps={fps}")
-        return read_plan(path[0], (*overrides, "sinks={console: {style: progress}}"))
-    return recording_plan(path, fps=fps, sinks={"console": {"style": "progress"}}, overrides=overrides)
 
 
 def seconds(text: str) -> float:

@@ -17,7 +17,7 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from pipeline.cli.common import CANNOT_TELL, DONE, OUT_OF_SYNC, read_plan, set_option
-from pipeline.cli.replay import recording_plan
+from pipeline.cli.recording import RecordingOptions, is_config, recording_options, recording_plan
 from pipeline.errors import InputError
 from pipeline.plan import Plan
 from pipeline.selftest.findings import Outcome
@@ -34,27 +34,26 @@ class Footage:
     """What was given on the command line: one configuration, or a recording."""
 
     paths: tuple[str, ...]
-    fps: float | None
+    options: RecordingOptions
     overrides: tuple[str, ...]
 
     def plan(self) -> Plan:
         """Raises InputError."""
-        if len(self.paths) == 1 and Path(self.paths[0]).suffix in {".yaml", ".yml"}:
-            rate = () if self.fps is None else (f"source.fps={self.fps}",)
-            return read_plan(self.paths[0], (*self.overrides, *rate))
-        return recording_plan(self.paths, fps=self.fps, detectors=DETECTOR, overrides=self.overrides)
+        if is_config(self.paths):
+            return read_plan(self.paths[0], (*self.overrides, *self.options.overrides))
+        return recording_plan(self.paths, self.options, detectors=DETECTOR, overrides=self.overrides)
 
 
 @click.command()
 @click.argument("path", nargs=-1, required=True)
-@click.option("--fps", type=float, help="Frame rate of a recording without timestamps (30 if unknown).")
+@recording_options
 @click.option("--json", "json_file", metavar="FILE", help="Write every number as JSON; - is standard output.")
 @click.option(
     "--jobs", type=click.IntRange(1, 256), default=os.cpu_count() or 1, help="Processes (default: one a core)."
 )
 @set_option
 def selftest(
-    path: tuple[str, ...], fps: float | None, json_file: str | None, jobs: int, overrides: tuple[str, ...]
+    path: tuple[str, ...], options: RecordingOptions, json_file: str | None, jobs: int, overrides: tuple[str, ...]
 ) -> int:
     """Prove the offset detector on your own footage, without ground truth.
 
@@ -68,7 +67,7 @@ def selftest(
         what = "it is a folder" if target.is_dir() else f"there is no folder {target.parent}"
         raise InputError(f"--json {target}: cannot be written: {what}")
     with _progress() as progress:
-        proof = prove(Footage(path, fps, overrides).plan, jobs, progress)
+        proof = prove(Footage(path, options, overrides).plan, jobs, progress)
     if target is not None:
         _write(target, proof)
     if json_file == "-":

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError
-from sources.replay import euroc, files, folders, videos
+from sources.replay import caliscope, depthai_files, euroc, files, folders, halves, kitti, tumvi, videos
 from sources.replay.messages import recording as messages
 from sources.replay.streams import Recording, Request
 
 EXPECTED = (
-    "expected mav0/cam0/data.csv and mav0/cam1/data.csv (EuRoC), two or more folders of pictures, or two or more videos"
+    "expected an MCAP file, a ROS 1 or ROS 2 bag, mav0/cam0/data.csv and mav0/cam1/data.csv (EuRoC), a TUM-VI, KITTI, "
+    "caliscope or depthai recording, two or more folders of pictures, two or more videos, or one with both views"
 )
 
 
@@ -34,8 +35,13 @@ FORMATS: Mapping[str, Format] = {
     "rosbag1": Format(messages.is_rosbag1, messages.no_lone_camera, messages.read),
     "rosbag2": Format(messages.is_rosbag2, messages.no_lone_camera, messages.read),
     "euroc": Format(euroc.matches, euroc.lone_camera, euroc.read),
+    "tumvi": Format(tumvi.matches, tumvi.lone_camera, tumvi.read),
+    "kitti": Format(kitti.matches, kitti.lone_camera, kitti.read),
+    "caliscope": Format(caliscope.matches, caliscope.lone_camera, caliscope.read),
+    "depthai": Format(depthai_files.matches, depthai_files.lone_camera, depthai_files.read),
     "folders": Format(folders.matches, folders.lone_camera, folders.read),
     "videos": Format(videos.matches, videos.lone_camera, videos.read),
+    "halves": Format(halves.matches, halves.lone_camera, halves.read),
 }
 """In the order in which they are tried."""
 
@@ -60,7 +66,10 @@ def recognise(paths: Sequence[Path], wanted: str = "auto") -> str:
 
 def read_recording(request: Request) -> Recording:
     """Reads what is cheap to know of a recording: its streams, but no picture."""
-    return FORMATS[recognise(request.paths, request.settings.format)].read(request)
+    settings = request.settings
+    wanted = "halves" if settings.layout != "auto" and settings.format == "auto" else settings.format
+    name = wanted if settings.layout != "auto" and wanted == "halves" else recognise(request.paths, wanted)
+    return FORMATS[name].read(request)
 
 
 def _not_a_recording(path: Path) -> InputError:

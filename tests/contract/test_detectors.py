@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.assemble import KINDS
-from pipeline.cli.replay import recording_plan
+from pipeline.cli.recording import recording_plan
 from pipeline.frame import Camera, Detector, Frame, Pair, Rig, Window
 from pipeline.verdict import State
 from tests.frames import PERIOD_NS, frame, texture, window

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.assemble import KINDS
-from pipeline.cli.replay import recording_plan
+from pipeline.cli.recording import recording_plan
 from pipeline.errors import InputError
 from tests.pipeline.faults.streams import Rendered, Scripted, delivered, faulted
 

@@ -11,7 +11,7 @@ from statistics import mean, pstdev
 import pytest
 
 from pipeline.assemble import KINDS, assemble, build_source
-from pipeline.cli.replay import parse_fault, recording_plan
+from pipeline.cli.recording import RecordingOptions, parse_fault, recording_plan
 from pipeline.configtext.document import load_text
 from pipeline.errors import InputError
 from pipeline.plan import make_plan
@@ -161,7 +161,7 @@ def recording(tmp_path_factory):
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_every_recipe_runs_in_a_replay(name, recording):
-    plan = recording_plan([str(recording)], fps=10, faults=RECIPES[name], detectors="timestamp")
+    plan = recording_plan([str(recording)], RecordingOptions(fps=10), faults=RECIPES[name], detectors="timestamp")
     if name in RENDERED_ONLY:
         with pytest.raises(InputError, match="only rendered pictures") as refused:
             build_source(plan).open()
