@@ -20,17 +20,20 @@ from sources.replay.videos import entries, made_up, opened, rate_and_count
 
 Layout: TypeAlias = Literal["side_by_side", "top_bottom"]
 
-WIDTH_PX, HEIGHT_PX = 96, 72
-"""The size at which two halves are compared."""
+WIDTH_PX = 480
+"""The width at which two halves are compared."""
 
 LOOKED_AT = (0, 15, 60)
 """Frames by which halves are recognised: recordings may begin with a black title."""
 
-ALIKE = 0.7
-"""Normalised correlation of two views of one scene, disparity allowed for; halves of one view stay far below."""
+KEYPOINTS, CLOSE_BITS = 500, 40
+"""ORB keypoints a half, and the Hamming distance up to which two of them are the same."""
 
-FLAT = 4.0
-"""Standard deviation in grey levels below which a picture shows nothing that could be compared."""
+SAME_ROW, SAME_COLUMN = 0.06, 0.3
+"""How far a point may move from view to view, as a share of the height and of the width."""
+
+ENOUGH, AGREE = 15, 0.6
+"""Points that two views of one scene share at least, and their share in all matches; halves of one view share none."""
 
 
 def matches(paths: Sequence[Path]) -> bool:
@@ -89,17 +92,17 @@ def _video(paths: Sequence[Path]) -> Path | None:
 
 
 def _layout(paths: Sequence[Path]) -> Layout | None:
-    """The layout whose halves are more alike, if they are alike at all."""
+    """The layout whose halves share more points, if they are views of one scene at all."""
     video = _video(paths)
     if video is None:
         return None
     layouts: tuple[Layout, Layout] = ("side_by_side", "top_bottom")
-    likeness = dict.fromkeys(layouts, 0.0)
+    shared = dict.fromkeys(layouts, 0)
     for raw in _samples(video):
         for layout in layouts:
-            likeness[layout] = max(likeness[layout], _likeness(*(view(raw) for view in _views(layout))))
-    best = max(layouts, key=lambda layout: likeness[layout])
-    return best if likeness[best] >= ALIKE else None
+            shared[layout] = max(shared[layout], _shared(*(view(raw) for view in _views(layout))))
+    best = max(layouts, key=lambda layout: shared[layout])
+    return best if shared[best] >= ENOUGH else None
 
 
 def _samples(video: Path) -> list[Raw]:
@@ -120,15 +123,22 @@ def _samples(video: Path) -> list[Raw]:
         capture.release()
 
 
-def _likeness(first: Raw, second: Raw) -> float:
-    """The best normalised correlation of the middle of one view within the other."""
-    small = [cv2.resize(_grey(view), (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA) for view in (first, second)]
-    middle = small[0][HEIGHT_PX // 12 : -HEIGHT_PX // 12, WIDTH_PX // 6 : -WIDTH_PX // 6]
-    if middle.std() < FLAT or small[1].std() < FLAT:
-        return 0.0
-    return float(cv2.matchTemplate(small[1], middle, cv2.TM_CCOEFF_NORMED).max())
+def _shared(first: Raw, second: Raw) -> int:
+    """How many points both views show in nearly the same row; 0 where most matches disagree."""
+    orb = cv2.ORB.create(KEYPOINTS)
+    views = [_grey(view) for view in (first, second)]
+    (here, ours), (there, theirs) = (orb.detectAndCompute(view, np.ones_like(view)) for view in views)
+    if not here or not there:
+        return 0
+    matches = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True).match(ours, theirs)
+    moved = np.array(
+        [np.subtract(here[one.queryIdx].pt, there[one.trainIdx].pt) for one in matches if one.distance <= CLOSE_BITS]
+    ).reshape(-1, 2)
+    fits = np.all(np.abs(moved) <= (SAME_COLUMN * views[0].shape[1], SAME_ROW * views[0].shape[0]), axis=1)
+    return int(fits.sum()) if fits.sum() >= AGREE * max(len(moved), 1) else 0
 
 
 def _grey(raw: Raw) -> Raw:
     grey = raw if raw.ndim == 2 else cv2.cvtColor(raw, cv2.COLOR_BGR2GRAY)
-    return np.ascontiguousarray(grey)
+    height_px = max(1, round(WIDTH_PX * raw.shape[0] / raw.shape[1]))
+    return cv2.resize(np.ascontiguousarray(grey), (WIDTH_PX, height_px), interpolation=cv2.INTER_AREA)

@@ -16,7 +16,9 @@ GENERIC = re.compile(r"image(_?(raw|rect|rectified|mono|color|colour))*|raw|comp
 """Parts of a topic's name that say what it carries, not which camera it is of."""
 
 NOT_A_CAMERA = re.compile(r"depth|disparity|mask|segmentation|debug|overlay|annotated|thumbnail", re.IGNORECASE)
-SIDES = re.compile(r"(?<![a-z])(left|right)(?![a-z])|(?<=cam|nfra)[_]?[0-9]+|(?<=camera)[_]?[0-9]+", re.IGNORECASE)
+SIDES = re.compile(
+    r"(?<![a-z])(left|right)(?![a-z])|(?:(?<=cam)|(?<=camera)|(?<=infra)|(?<=image))_?[0-9]+", re.IGNORECASE
+)
 """What tells cameras of one rig apart: left and right, or a number."""
 
 PREFERRED = ("image_raw", "raw", "image", "image_mono", "image_color", "image_rect", "image_rect_raw")
