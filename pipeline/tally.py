@@ -98,6 +98,18 @@ class PairTally:
         self._current = None
         self.false_alarms += change is not None and change.state is State.ASYNC
 
+    def merge(self, other: PairTally) -> None:
+        """Takes over the counts of another part of the recording; nothing that lasts goes on from one to the other."""
+        self.states += other.states
+        self.reasons += other.reasons
+        self.stretches += other.stretches[: MOST_STRETCHES - len(self.stretches)]
+        self.truth_known |= other.truth_known
+        self.truth_assumed |= other.truth_assumed
+        self.injected += other.injected
+        self.false_alarms += other.false_alarms
+        self.wrong += other.wrong
+        self.longest_async = max(self.longest_async, other.longest_async)
+
     def _follow_stretch(self, change: Change | None, verdict: Verdict) -> None:
         if change is not None and change.state is State.ASYNC:
             if self._stretch is not None:
@@ -142,3 +154,8 @@ class Tally:
 
     def add(self, verdict: Verdict) -> None:
         self.pairs.setdefault(verdict.pair, PairTally()).add(verdict)
+
+    def merge(self, other: Tally) -> None:
+        """Adds what was counted of another part of the same recording."""
+        for name, pair in other.pairs.items():
+            self.pairs.setdefault(name, PairTally()).merge(pair)

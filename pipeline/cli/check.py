@@ -2,43 +2,166 @@
 
 from __future__ import annotations
 
+import logging
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
 
 import click
 
-from pipeline.answer import answer
-from pipeline.cli.common import CANNOT_TELL, DONE, OUT_OF_SYNC, execute, set_option
-from pipeline.cli.recording import RecordingOptions, plan_of, recording_options
+from pipeline.answer import Answer, answer
+from pipeline.check.sampled import Look, sample
+from pipeline.check.stretches import STRETCH_FRAMES, Stretch, is_short, stretches
+from pipeline.check.survey import Headed, Survey, by_headers, by_length
+from pipeline.cli.common import (
+    CANNOT_TELL,
+    DONE,
+    OUT_OF_SYNC,
+    carry_out,
+    console_of,
+    execute,
+    open_source,
+    set_option,
+)
+from pipeline.cli.recording import RecordingOptions, is_config, plan_of, recording_options
 from pipeline.errors import InputError
+from pipeline.frame import StampOrigin
+from pipeline.plan import Plan
 from pipeline.tally import Tally
-from pipeline.verdict import State, Verdict
+from pipeline.verdict import Report, State, Verdict
+
+log = logging.getLogger("syncwatch.check")
 
 STATUS = {State.SYNC: DONE, State.ASYNC: OUT_OF_SYNC, State.UNKNOWN: CANNOT_TELL}
 UNIT_S = {"ms": 0.001, "s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}
+SINKS: dict[str, Any] = {"console": {"style": "progress"}}
 
 
 @click.command()
 @click.argument("path", nargs=-1, required=True)
+@click.option("--all", "everything", is_flag=True, help="Look at every frame of a long recording, not at parts of it.")
 @click.option(
     "--for", "duration", metavar="TIME", help="Judge a live rig for this long, e.g. 10s (default: to the end)."
 )
 @recording_options
 @set_option
-def check(path: tuple[str, ...], duration: str | None, options: RecordingOptions, overrides: tuple[str, ...]) -> int:
+def check(
+    path: tuple[str, ...],
+    everything: bool,
+    duration: str | None,
+    options: RecordingOptions,
+    overrides: tuple[str, ...],
+) -> int:
     """Say whether the recording, or the rig of the configuration, at PATH is in sync.
+
+    Of a long recording the headers are read first, then the pictures of parts of it, those where timestamps are suspect
+    and others spread over all of it, until the answer is sure.
 
     Exit status 0: in sync. 3: out of sync. 4: cannot tell.
     """
+    asked = _Asked(path, options, overrides)
+    plan = asked.plan()
+    stop_after_s = None if duration is None else seconds(duration)
+    if not (everything or is_config(path) or stop_after_s is not None):
+        with _said_once():
+            status = _check_parts(asked, plan)
+        if status is not None:
+            return status
     tally = Tally()
-    plan = plan_of(path, options, sinks={"console": {"style": "progress"}}, overrides=overrides)
-    interrupted = execute(
-        plan,
-        on_report=lambda report: tally.add(report) if isinstance(report, Verdict) else None,
-        stop_after_s=None if duration is None else seconds(duration),
-    )
-    result = answer(tally)
-    click.echo(f"{plan.config.rig}: {result.text}")
-    return interrupted or STATUS[result.state]
+
+    def add(report: Report) -> None:
+        if isinstance(report, Verdict):
+            tally.add(report)
+
+    try:
+        interrupted = execute(plan, on_report=add, stop_after_s=stop_after_s)
+    except InputError:
+        if tally.pairs:
+            _say(plan, answer(tally), " This is of the part that could be read.")
+        raise
+    status = _say(plan, answer(tally))
+    return interrupted or status
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What was given on the command line."""
+
+    path: tuple[str, ...]
+    options: RecordingOptions
+    overrides: tuple[str, ...]
+
+    def plan(self, part: Stretch | None = None) -> Plan:
+        """The plan of all of it, or of a part. Raises InputError."""
+        options = self.options
+        if part is not None:
+            start_s = options.from_s or 0.0
+            options = replace(options, from_s=start_s + part.from_s, to_s=start_s + part.to_s)
+        return plan_of(self.path, options, sinks=SINKS, overrides=self.overrides)
+
+
+def _say(plan: Plan, result: Answer, more: str = "") -> int:
+    click.echo(f"{plan.config.rig}: {result.text}{more}")
+    return STATUS[result.state]
+
+
+def _check_parts(asked: _Asked, plan: Plan) -> int | None:
+    """The exit status after looking at parts; None for a recording that is short, or shows too little in them."""
+    survey, interrupted = _surveyed(plan)
+    if survey is None or interrupted:
+        return interrupted or None
+    planned = stretches(survey.duration_s, survey.fps, survey.suspects_s)
+
+    statuses: list[int] = []
+
+    def look(stretch: Stretch, one: Look) -> bool:
+        statuses.append(execute(asked.plan(stretch), on_report=one.add, until=one.shows_nothing))
+        return statuses[-1] == DONE
+
+    result = sample(survey, planned, look)
+    if statuses[-1] != DONE:
+        return statuses[-1]
+    if not result.sure:
+        log.info("%d parts of it show too little: all of it is looked at", result.looked)
+        return None
+    parts = f"{result.looked} part{'s' * (result.looked > 1)} of {STRETCH_FRAMES} frames"
+    looked = f"Of {survey.frames} frames, {parts} were looked at; --all looks at every one."
+    return _say(plan, result.answer, "".join(f" {said}" for said in (survey.told, looked) if said))
+
+
+def _surveyed(plan: Plan) -> tuple[Survey | None, int]:
+    """What the headers say, None for a recording too short to be worth it; and the status of an interruption."""
+    source = open_source(plan)
+    first, count = source.cameras[0], source.frame_count
+    if not isinstance(source, Headed) or plan.faults or count is None or is_short(count):
+        source.close()
+        return None, DONE
+    if source.stamp_origin is StampOrigin.SYNTHESISED:
+        source.close()
+        return by_length(first, count), DONE
+    survey, parts = by_headers(plan, source, source, console_of(plan))
+    return survey, carry_out(parts)
+
+
+@contextmanager
+def _said_once() -> Iterator[None]:
+    """What is said of a recording that is opened again and again is logged once."""
+    said: set[str] = set()
+
+    def is_new(record: logging.LogRecord) -> bool:
+        text = record.getMessage()
+        return text not in said and not said.add(text)  # type: ignore[func-returns-value]
+
+    handlers = logging.getLogger("syncwatch").handlers
+    for handler in handlers:
+        handler.addFilter(is_new)
+    try:
+        yield
+    finally:
+        for handler in handlers:
+            handler.removeFilter(is_new)
 
 
 def seconds(text: str) -> float:

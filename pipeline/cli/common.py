@@ -20,7 +20,7 @@ from pipeline.configtext.document import ConfigError, Document, load_file, load_
 from pipeline.errors import InputError, RunError, SyncwatchError
 from pipeline.frame import Source
 from pipeline.plan import Plan, make_plan
-from pipeline.run import Run
+from pipeline.run import Parts, Run
 from pipeline.verdict import Report
 
 log = logging.getLogger("syncwatch.cli")
@@ -88,14 +88,28 @@ def execute(
     *,
     on_report: Callable[[Report], None] = lambda _: None,
     stop_after_s: float | None = None,
+    until: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Runs the plan to its end. Returns 0, or 130 / 143 after SIGINT / SIGTERM. Raises SyncwatchError."""
+    """Runs the plan to its end, or until that is true after a report. Returns and raises as `carry_out`."""
     source = open_source(plan)
     try:
         parts = assemble(plan, source, console=console_of(plan), on_report=on_report)
     except BaseException:
         source.close()
         raise
+    return carry_out(parts, stop_after_s=stop_after_s, until=until)
+
+
+def carry_out(parts: Parts, *, stop_after_s: float | None = None, until: Callable[[], bool] = lambda: False) -> int:
+    """Runs what is assembled. Returns 0, or 130 / 143 after SIGINT / SIGTERM. Raises SyncwatchError."""
+    told = parts.on_report
+
+    def on_report(report: Report) -> None:
+        told(report)
+        if until():
+            run.stop()
+
+    parts.on_report = on_report
     run = Run(parts, stop_after_s=stop_after_s)
     with _stopped_by_signals(run) as received:
         run.execute()

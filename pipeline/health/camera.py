@@ -95,8 +95,9 @@ class CameraHealth:
     sharpness is shared by them.
     """
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: Camera, *, pictures: bool = True) -> None:
         self._camera = camera
+        self._pictures = pictures
         self._counts = _Counts()
         self._counter = FrameCounter()
         self._cadence = Cadence()
@@ -187,7 +188,7 @@ class CameraHealth:
 
     def _admit(self, frame: Frame, notes: list[Note]) -> bool:
         """Whether the frame is a new one; adds to the notes of the moment."""
-        small = reduced(frame.image)
+        small = reduced(frame.image) if self._pictures else None
         last = self._last
         if last is not None and frame.epoch < last.epoch:
             self._counts.out_of_order += 1
@@ -198,7 +199,7 @@ class CameraHealth:
             self._cadence.restart()
             last = None
         if last is not None:
-            if self._repeats(last, frame) and self.sight.same_as_last(small):
+            if self._repeats(last, frame) and (small is None or self.sight.same_as_last(small)):
                 self._counts.duplicates += 1
                 notes.append(Note.DUPLICATE_FRAME)
                 return False
@@ -208,7 +209,8 @@ class CameraHealth:
                 notes.append(Note.BACKWARD_TIMESTAMP)
                 return False
         self._follow(last, frame, notes)
-        self.sight.see(small)
+        if small is not None:
+            self.sight.see(small)
         self._last = frame
         return True
 

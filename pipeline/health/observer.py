@@ -40,11 +40,13 @@ class Observer:
 
     `push` sees every frame the source delivers, `see` every window made of them; what pairing left out is shown to the
     camera's health before the frame that followed it. `tick` and `report` may be called from another thread.
+
+    pictures: false where frames have none to look at.
     """
 
-    def __init__(self, cameras: Sequence[Camera]) -> None:
+    def __init__(self, cameras: Sequence[Camera], *, pictures: bool = True) -> None:
         self._lock = threading.Lock()
-        self._health = RigHealth(cameras)
+        self._health = RigHealth(cameras, pictures=pictures)
         self._waiting: dict[str, deque[Frame]] = {camera.name: deque() for camera in cameras}
         self._ended: set[str] = set()
 

@@ -46,8 +46,9 @@ class RigHealth:
     camera is silent while another goes on. For live cameras the host's clock, given to `tick`, tells of silence, too.
     """
 
-    def __init__(self, cameras: Sequence[Camera]) -> None:
-        self._places = {camera.name: _Place(CameraHealth(camera)) for camera in cameras}
+    def __init__(self, cameras: Sequence[Camera], *, pictures: bool = True) -> None:
+        self._pictures = pictures
+        self._places = {camera.name: _Place(CameraHealth(camera, pictures=pictures)) for camera in cameras}
 
     def see(self, frame: Frame) -> Sequence[Note]:
         """Takes a frame of any camera, in order of arrival; its notes, as `CameraHealth.see` gives them.
@@ -63,7 +64,8 @@ class RigHealth:
         if taken.new:
             place.elapsed_ns += place.health.period_ns
             self._listen(frame.camera)
-            self._judge_pictures(place)
+            if self._pictures:
+                self._judge_pictures(place)
         return taken.notes
 
     def tick(self, now_ns: int) -> Mapping[str, Sequence[Note]]:

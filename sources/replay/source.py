@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.errors import InputError
-from pipeline.frame import NS_PER_S, Camera, Frame, Picture
+from pipeline.frame import NS_PER_S, Camera, Frame, Picture, StampOrigin
 from sources.replay.formats import read_recording
 from sources.replay.merge import Merge
 from sources.replay.notices import Notices
@@ -18,6 +20,7 @@ from sources.replay.rounds import Round
 from sources.replay.settings import ReplaySettings
 from sources.replay.streams import Entry, Recording, Request, Stream
 
+PLAIN: Picture = np.full((8, 8), 128, np.uint8)
 LONGEST_NS = 1 << 62
 LONGEST_WAIT_S = 3600.0
 """A wait is repeated until its moment has come; a single one of any length would overflow."""
@@ -76,11 +79,26 @@ class ReplaySource:
                 self._picture(stream, first)
         self._recording = recording
 
+    @property
+    def stamp_origin(self) -> StampOrigin:
+        return self._opened.stamp_origin
+
+    def began_ns(self, camera: str) -> int:
+        """The stamp at which a camera's time in the part that is replayed starts."""
+        origin_ns = next(stream.origin_ns for stream in self._streams if stream.name == camera)
+        return origin_ns + max(self._from_ns, 0)
+
     def frames(self) -> Iterator[Frame]:
-        assert self._recording is not None, "open comes first"
+        yield from self._replayed(self._streams, self._picture)
+
+    def headers(self) -> Iterator[Frame]:
+        """Every frame, with a plain grey picture in place of its own, which is not decoded."""
+        yield from self._replayed([stream.without_pictures for stream in self._streams], lambda _, __: PLAIN)
+
+    def _replayed(self, streams: Sequence[Stream], picture: Callable[[Stream, Entry], Picture]) -> Iterator[Frame]:
         round_ = Round()
         while True:
-            merge = self._merge = Merge(self._streams)
+            merge = self._merge = Merge(streams)
             with closing(merge.entries()) as entries:
                 for stream, entry in entries:
                     if self._stopped.is_set():
@@ -90,11 +108,11 @@ class ReplaySource:
                         continue
                     if at_ns >= self._to_ns:
                         break
-                    image = self._picture(stream, entry)
+                    image = picture(stream, entry)
                     if self._stops_before(round_.shift_ns + at_ns):
                         return
                     round_.saw(stream, entry)
-                    yield self._frame(self._recording, stream, entry, image, round_)
+                    yield self._frame(self._opened, stream, entry, image, round_)
             if (said := merge.said()) is not None:
                 self._notices.warning(said)
             if not self._settings.loop or round_.is_empty:
@@ -106,6 +124,11 @@ class ReplaySource:
 
     def close(self) -> None:
         self.stop()
+
+    @property
+    def _opened(self) -> Recording:
+        assert self._recording is not None, "open comes first"
+        return self._recording
 
     @property
     def _streams(self) -> tuple[Stream, ...]:

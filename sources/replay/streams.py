@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -41,7 +41,11 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """One camera's frames in order, as often as `entries` is called. `origin_ns` is the stamp at which it starts."""
+    """One camera's frames in order, as often as `entries` is called.
+
+    origin_ns: the stamp at which it starts. headers: the same entries, where they can be had without reading pictures
+    on the way; theirs cannot be loaded.
+    """
 
     name: str
     where: Path
@@ -49,6 +53,11 @@ class Stream:
     count: int | None
     entries: Callable[[], Generator[Entry, None, None]]
     origin_ns: int = 0
+    headers: Callable[[], Generator[Entry, None, None]] | None = None
+
+    @property
+    def without_pictures(self) -> Stream:
+        return self if self.headers is None else replace(self, entries=self.headers)
 
     @property
     def period_ns(self) -> int:

@@ -94,7 +94,16 @@ def stamped_stream(name: str, video: Path, stamps: Sequence[Stamp], origin_ns: i
     fps = request.fps(fps_of([stamp.captured_ns for stamp in stamps]))
     expected = min(told or len(stamps), len(stamps))
     read_video = partial(entries, video, listed(stamps), expected, request.notices)
-    return Stream(name, video, fps, expected, read_video, origin_ns)
+    return Stream(name, video, fps, expected, read_video, origin_ns, partial(_headers, video, stamps))
+
+
+def _headers(video: Path, stamps: Sequence[Stamp]) -> Generator[Entry, None, None]:
+    for stamp in stamps:
+        yield Entry(stamp.sequence, stamp.group, stamp.captured_ns, str(video), _none, exposure_ns=stamp.exposure_ns)
+
+
+def _none() -> Raw:
+    raise AssertionError("the picture of a header")
 
 
 def rate_and_count(video: Path) -> tuple[float | None, int | None]:
