@@ -35,10 +35,9 @@ Scene = Mapping[str, Sequence[Frame]]
 Write = Callable[[Path, Scene], Path]
 
 
-def rendered(seconds: float = 4.0, **settings: Any) -> SyntheticSource:
-    return SyntheticSource(
-        SyntheticSettings(speed="max", fps=FPS, width=256, height=192, duration_s=seconds, **settings), seed=3
-    )
+def rendered(seconds: float, width: int = 256, height: int = 192) -> SyntheticSource:
+    settings = SyntheticSettings(speed="max", fps=FPS, width=width, height=height, duration_s=seconds)
+    return SyntheticSource(settings, seed=3)
 
 
 def scene_of(frames: Iterator[Frame]) -> Scene:
@@ -63,6 +62,10 @@ def in_order(scene: Scene) -> list[tuple[int, Frame]]:
 
 def _png(frame: Frame) -> bytes:
     return bytes(cv2.imencode(".png", frame.image)[1])
+
+
+def write_png(path: Path, frame: Frame) -> None:
+    path.write_bytes(_png(frame))
 
 
 def _pictures(folder: Path, frames: Sequence[Frame], name: Callable[[int, Frame], str]) -> None:

@@ -12,8 +12,8 @@ from pipeline.tally import Tally
 from pipeline.verdict import Reason, Report, State, Verdict
 
 AGREEING = 4
-"""Stretches that must have been decided, and be in sync, before the whole recording is said to be: start, end, middle
-and one between."""
+"""Stretches, besides the suspect ones, that must be in sync before the whole recording is said to be: start, end,
+middle and one between."""
 
 STILL_FRAMES = 90
 """A stretch in which so many frames in a row show nothing is left for the next."""
@@ -64,7 +64,7 @@ def sample(survey: Survey, planned: Sequence[Stretch], look: Callable[[Stretch, 
         total.merge(one.tally)
         state = answer(one.tally).state
         agreeing += state is State.SYNC
-        if state is State.ASYNC or (agreeing >= AGREEING and looked >= len(survey.suspects_s)):
+        if state is State.ASYNC or (agreeing >= AGREEING and looked >= len(survey.suspects_s) + AGREEING):
             return Sampled(answer(total), looked, sure=True)
     result = answer(total)
     return Sampled(result, len(planned), sure=result.state is not State.UNKNOWN)

@@ -98,7 +98,8 @@ class _Asked:
         options = self.options
         if part is not None:
             start_s = options.from_s or 0.0
-            options = replace(options, from_s=start_s + part.from_s, to_s=start_s + part.to_s)
+            ends_s = start_s + part.to_s if options.to_s is None else min(start_s + part.to_s, options.to_s)
+            options = replace(options, from_s=start_s + part.from_s, to_s=ends_s)
         return plan_of(self.path, options, sinks=SINKS, overrides=self.overrides)
 
 

@@ -55,7 +55,13 @@ class ReplaySource:
 
     @property
     def frame_count(self) -> int | None:
-        return None if self._settings.loop or not self._streams else self._streams[0].count
+        first = self._streams[0] if self._streams else None
+        if self._settings.loop or first is None or first.count is None:
+            return None
+        if self._from_ns <= 0 and self._to_ns == LONGEST_NS:
+            return first.count
+        to_ns = min(self._to_ns, first.count * first.period_ns)
+        return max(0, round((to_ns - max(self._from_ns, 0)) / first.period_ns))
 
     @property
     def ended(self) -> Collection[str]:
