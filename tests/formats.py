@@ -205,10 +205,11 @@ def _ros_compressed(store: Any, frame: Frame) -> Any:
     return store.types["sensor_msgs/msg/CompressedImage"](raw.header, "png", data)
 
 
-def rosbag1(root: Path, scene: Scene, fmt: Any = None) -> Path:
+def rosbag1(root: Path, scene: Scene, fmt: Any = None, chunk_bytes: int = 1 << 20) -> Path:
     root.mkdir(parents=True)
     store = get_typestore(Stores.ROS1_NOETIC)
     writer = Bag1Writer(root / "drive.bag")
+    writer.chunk_threshold = chunk_bytes
     if fmt is not None:
         writer.set_compression(fmt)
     with writer:
@@ -222,8 +223,8 @@ def rosbag1(root: Path, scene: Scene, fmt: Any = None) -> Path:
     return root / "drive.bag"
 
 
-def rosbag1_lz4(root: Path, scene: Scene) -> Path:
-    return rosbag1(root, scene, Bag1Writer.CompressionFormat.LZ4)
+def rosbag1_lz4(root: Path, scene: Scene, chunk_bytes: int = 1 << 20) -> Path:
+    return rosbag1(root, scene, Bag1Writer.CompressionFormat.LZ4, chunk_bytes)
 
 
 def rosbag2(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import median
 
 from pipeline.errors import InputError
 from sources.replay import caliscope, depthai_files, euroc, files, folders, halves, kitti, tumvi, videos
 from sources.replay.messages import recording as messages
-from sources.replay.streams import Recording, Request
+from sources.replay.streams import SAME_FPS, Recording, Request
 
 EXPECTED = (
     "expected an MCAP file, a ROS 1 or ROS 2 bag, mav0/cam0/data.csv and mav0/cam1/data.csv (EuRoC), a TUM-VI, KITTI, "
@@ -69,7 +70,15 @@ def read_recording(request: Request) -> Recording:
     settings = request.settings
     wanted = "halves" if settings.layout != "auto" and settings.format == "auto" else settings.format
     name = wanted if settings.layout != "auto" and wanted == "halves" else recognise(request.paths, wanted)
-    return FORMATS[name].read(request)
+    return _of_one_rate(FORMATS[name].read(request))
+
+
+def _of_one_rate(recording: Recording) -> Recording:
+    """Rates read off timestamps differ a little by chance: cameras of nearly the same rate have the same."""
+    rates = [stream.fps for stream in recording.streams]
+    if max(rates) > min(rates) * (1 + SAME_FPS):
+        return recording
+    return replace(recording, streams=tuple(replace(stream, fps=median(rates)) for stream in recording.streams))
 
 
 def _not_a_recording(path: Path) -> InputError:

@@ -19,6 +19,9 @@ Raw: TypeAlias = npt.NDArray[Any]
 """A picture as its decoder returns it: any depth, any number of channels."""
 
 DEFAULT_FPS = 30.0
+SAME_FPS = 0.01
+"""Containers write 29.97 as 30: rates closer than this, as a share of the smaller, are the same."""
+
 SAME_EPOCH_NS = 2 * NS_PER_S
 """Cameras whose timestamps lie further apart than this, end to start, do not share a clock."""
 

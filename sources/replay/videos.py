@@ -17,12 +17,9 @@ from sources.replay import files
 from sources.replay.names import camera_names
 from sources.replay.notices import Notices
 from sources.replay.pictures import quiet
-from sources.replay.streams import Entry, Raw, Recording, Request, Stream, fps_of, synthesised_ns
+from sources.replay.streams import SAME_FPS, Entry, Raw, Recording, Request, Stream, fps_of, synthesised_ns
 
 SANE_FPS = (0.1, 1000.0)
-SAME_FPS = 0.01
-"""Containers write 29.97 as 30: rates closer than this, as a share of the smaller, are the same."""
-
 FFMPEG_QUIET = "-8"
 MOST_FRAMES = 1 << 40  # a damaged header tells any number
 

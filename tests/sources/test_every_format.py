@@ -12,7 +12,7 @@ from pipeline.assemble import assemble, build_source
 from pipeline.cli.recording import recording_plan
 from pipeline.run import Run
 from pipeline.verdict import Cause, State, Verdict
-from sources.replay.formats import recognise
+from sources.replay.formats import FORMATS, recognise
 from tests.formats import LOSSY, STAMPED, UNSTAMPED, Scene, rendered, scene_of, stamp_ns
 from tests.sources.test_replay_kit import replayed
 
@@ -108,3 +108,7 @@ KIND = {
 @pytest.mark.parametrize("name", [*STAMPED, *UNSTAMPED])
 def test_formats_are_recognised_by_content(name, recordings):
     assert recognise([recordings(name)]) == KIND.get(name, name)
+
+
+def test_every_format_there_is_has_been_written():
+    assert {KIND.get(name, name) for name in [*STAMPED, *UNSTAMPED]} == set(FORMATS)

@@ -15,7 +15,7 @@ from tests.sources.test_replay_kit import of, opened, replayed
     ("name", "recording_format", "count", "fps"),
     [
         ("boof_backyard", "folders", 191, 30),
-        ("calis_charuco", "videos", 111, 6),
+        ("calis_charuco", "caliscope", 111, 6),
         ("euroc_v101_start", "euroc", 95, 20),
         ("face_3dcam", "videos", 1112, 29.97),
         ("hand_2webcam", "videos", 378, 30),
