@@ -165,9 +165,9 @@ def _said_once() -> Iterator[None]:
             handler.removeFilter(is_new)
 
 
-def seconds(text: str) -> float:
+def seconds(text: str, option: str = "--for") -> float:
     """`10s`, `500ms`, `2m` or `10` as seconds. Raises InputError."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?)(ms|s|m|h|)", text.strip())
     if match is None or float(match[1]) == 0:
-        raise InputError(f"--for '{text}': expected a duration such as 10s, 500ms or 2m")
+        raise InputError(f"{option} '{text}': expected a duration such as 10s, 500ms or 2m")
     return float(match[1]) * UNIT_S[match[2]]

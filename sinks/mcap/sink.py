@@ -12,11 +12,11 @@ from mcap.writer import CompressionType
 
 from pipeline.errors import InputError
 from pipeline.frame import NS_PER_S, Frame, Rig
+from pipeline.mcap.timeline import Timeline
 from pipeline.mcap.writer import Encoder, Item, RecordingWriter
 from pipeline.verdict import Event, Report
 from sinks.mcap.around import Around
 from sinks.mcap.settings import MIB, McapSettings, file_of
-from sinks.mcap.timeline import Timeline
 
 log = logging.getLogger("syncwatch.sinks.mcap")
 
