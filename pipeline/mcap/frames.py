@@ -29,6 +29,9 @@ IMAGE_CLASSES: Mapping[str, type[ImageMessage]] = {
     "foxglove.CompressedImage": CompressedImage,
 }
 
+LONGEST_SIDE_PX = {"png": 1_000_000, "jpeg": 65_500}
+"""What their encoders take."""
+
 CHANNELS = {"mono8": 1, "bgr8": 3}
 
 EARLIEST_S, LATEST_S = -62_135_596_800, 253_402_300_799
@@ -102,12 +105,10 @@ def image_message(
             step=width * CHANNELS[encoding],
             data=image.tobytes(),
         )
+    if not 0 < min(image.shape[:2]) <= max(image.shape[:2]) <= LONGEST_SIDE_PX[pictures]:
+        raise RunError(f"{frame.camera}: a picture of {image.shape[1]}x{image.shape[0]} pixels is no {pictures}")
     options = [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality] if pictures == "jpeg" else []
-    try:
-        _, encoded = cv2.imencode(f".{pictures}", image, options)
-    except cv2.error as error:
-        shape = "x".join(map(str, image.shape))
-        raise RunError(f"{frame.camera}: a picture of {shape} cannot be encoded as {pictures}") from error
+    _, encoded = cv2.imencode(f".{pictures}", image, options)
     return CompressedImage(timestamp=stamp, frame_id=frame.camera, data=encoded.tobytes(), format=pictures)
 
 

@@ -116,19 +116,12 @@ class RecordingWriter:
         self.messages: Counter[str] = Counter()
         self._file = _WholeFile(path, overwrite=overwrite)
         self._writer = Writer(cast("IO[Any]", self._file), chunk_size=chunk_bytes, compression=compress)
-        self._writer.start(profile="", library=f"syncwatch {version}")
-        self._writer.add_metadata(
-            RECORDING_METADATA,
-            {
-                "rig": rig.name,
-                "cameras": ",".join(cameras),
-                "fps": ",".join(repr(camera.fps) for camera in rig.cameras),
-                "pairs": ",".join(pairs),
-                "expected_offset_ns": ",".join(str(pair.expected_offset_ns) for pair in rig.pairs),
-                "version": version,
-                **about,
-            },
-        )
+        try:
+            self._writer.start(profile="", library=f"syncwatch {version}")
+            self._writer.add_metadata(RECORDING_METADATA, {**_described(rig), "version": version, **about})
+        except OSError:
+            self.abandon()
+            raise
         self._file.keep()
 
     @property
@@ -242,6 +235,16 @@ class _WholeFile:
 
     def close(self) -> None:
         self._raw.close()
+
+
+def _described(rig: Rig) -> dict[str, str]:
+    return {
+        "rig": rig.name,
+        "cameras": ",".join(camera.name for camera in rig.cameras),
+        "fps": ",".join(repr(camera.fps) for camera in rig.cameras),
+        "pairs": ",".join(pair.name for pair in rig.pairs),
+        "expected_offset_ns": ",".join(str(pair.expected_offset_ns) for pair in rig.pairs),
+    }
 
 
 def _json(message: Message) -> bytes:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from statistics import median
 
 from pipeline.frame import Pair, Rig
-from pipeline.verdict import AlignedPair, Report, Verdict
+from pipeline.verdict import AlignedPair, Basis, Report, Verdict
 
 SMOOTHED = 15
 """Neighbours on either side over which the error of stamps is smoothed by their median: half a second at 30 fps."""
@@ -41,6 +41,7 @@ class PairRepair:
     stretches: list[Stretch] = field(default_factory=list)
     residuals_ns: list[int] = field(default_factory=list)
     _since: int | None = None
+    _seen_from: int | None = None
 
     def shift(self, number: int) -> int:
         """By how many frames the partner of the first camera's frame `number` is moved."""
@@ -61,6 +62,10 @@ class PairRepair:
     def take_verdict(self, verdict: Verdict) -> None:
         if verdict.since_frame is not None:
             self._since = verdict.since_frame
+        if verdict.basis is Basis.TIMESTAMPS:
+            self._seen_from = None
+        elif verdict.basis is Basis.CONTENT and self._seen_from is None:
+            self._seen_from = verdict.frame
 
     def take_pair(self, aligned: AlignedPair) -> None:
         if aligned.first is None:
@@ -71,11 +76,14 @@ class PairRepair:
             moved = latest is not None and latest.shift != aligned.shift_frames
             start = self._onset(aligned.first) if moved else aligned.first
             latest = self._begin(Stretch(start, aligned.shift_frames, second.epoch))
-        if aligned.residual_ns is not None:
+        if aligned.residual_ns is None:
+            return
+        self.residuals_ns.append(aligned.residual_ns)
+        # Stamps cannot tell what is wrong with stamps: only offsets seen in pictures can.
+        if self._seen_from is not None and aligned.first - max(0, aligned.shift_frames) >= self._seen_from:
             apart_ns = second.captured_ns - first.captured_ns
             latest.numbers.append(aligned.first)
             latest.errors_ns.append(apart_ns - aligned.residual_ns - self.pair.expected_offset_ns)
-            self.residuals_ns.append(aligned.residual_ns)
 
     def _onset(self, number: int) -> int:
         """Since when frames are apart as they are found to be now: by the judge's account, frames ago."""
