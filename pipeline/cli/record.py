@@ -62,9 +62,7 @@ def record(
     return interrupted
 
 
-def _plan(
-    path: tuple[str, ...], options: RecordingOptions, sinks: dict[str, Any], overrides: tuple[str, ...]
-) -> Plan:
+def _plan(path: tuple[str, ...], options: RecordingOptions, sinks: dict[str, Any], overrides: tuple[str, ...]) -> Plan:
     """The sinks come first, so that the recording's settings can be overridden as well."""
     if not is_config(path):
         return recording_plan(path, options, sinks=sinks, overrides=overrides)

@@ -77,7 +77,7 @@ def _check(taken: Path, made: Path, *, force: bool) -> None:
 
 def _rig(plan: Plan) -> Rig:
     with _opened(plan) as source:
-        rig = build_rig(plan, source.cameras)
+        rig = build_rig(plan, source)
     firsts = {pair.first for pair in rig.pairs}
     if len(firsts) > 1:
         named = ", ".join(pair.name for pair in rig.pairs)

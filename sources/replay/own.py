@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
@@ -42,8 +42,9 @@ def read(request: Request) -> Recording:
     if request.settings.pair_by == "number":
         raise InputError(f"{path}: a recording pairs by time or index, or as it was delivered, not by number")
     if request.settings.topics is not None or request.settings.stamps != "auto":
-        raise InputError(f"{path}: it gives back cameras, not messages: leave out topics and stamps, or set format: mcap")
-    cameras = _cameras(path)
+        raise InputError(f"{path}: a recording of syncwatch has cameras: topics and stamps go with format: mcap only")
+    told = metadata_of(path, RECORDING_METADATA) or {}
+    cameras = _described(told)
     file = OwnFile(path, request.notices)
     counts = file.counts()
     if counts is None:
@@ -66,19 +67,31 @@ def read(request: Request) -> Recording:
                 origin_ns=first.captured_ns,
             )
         )
-    return Recording(tuple(streams), StampOrigin.DEVICE)
+    return Recording(tuple(streams), StampOrigin.DEVICE, pairs=_pairs(told, cameras, names))
 
 
 def _cameras(path: Path) -> list[_Camera]:
     """The cameras that a file of ours says it holds; none for anything else."""
-    told = metadata_of(path, RECORDING_METADATA) if path.is_file() else None
-    if told is None:
-        return []
+    return _described(metadata_of(path, RECORDING_METADATA) or {}) if path.is_file() else []
+
+
+def _described(told: Mapping[str, str]) -> list[_Camera]:
     try:
         rates = [float(text) for text in told["fps"].split(",")]
         return [_Camera(name, fps) for name, fps in zip(told["cameras"].split(","), rates, strict=True)]
     except (KeyError, ValueError):
         return []
+
+
+def _pairs(
+    told: Mapping[str, str], cameras: Sequence[_Camera], names: Sequence[str]
+) -> tuple[tuple[str, str], ...] | None:
+    """The pairs that were judged, by the names that the cameras have now."""
+    called = {camera.name: name for camera, name in zip(cameras, names, strict=True)}
+    pairs = [pair.split("-") for pair in told.get("pairs", "").split(",")]
+    if not all(len(pair) == 2 and set(pair) <= set(called) for pair in pairs):
+        return None
+    return tuple((called[first], called[second]) for first, second in pairs)
 
 
 def _names(path: Path, cameras: Sequence[_Camera], wanted: Sequence[str] | None) -> list[str]:

@@ -82,6 +82,7 @@ def test_the_source_knows_cameras_rates_and_the_number_of_frames(tmp_path):
     source.open()
     assert source.cameras == rig.cameras
     assert source.frame_count == 7
+    assert source.pairs == (("front", "rear"),)
     source.close()
 
 
@@ -89,6 +90,8 @@ def test_cameras_can_be_named_anew_and_paired_otherwise(tmp_path):
     path = record(tmp_path / "a.mcap", *stereo(3))
     assert {item.camera for item in replayed(path, cameras=["a", "b"])} == {"a", "b"}
     assert {item.group for item in replayed(path, pair_by="time")} == {None}
+    assert [item.sequence for item in replayed(path, from_s=0.1, to_s=0.2)] == [1, 1]
+    assert {item.camera for item in replayed(path, format="mcap")} == {"left", "right"}
     shifted = record(tmp_path / "b.mcap", *[replace(item, group=item.group + 5) for item in stereo(3)])
     assert [item.group for item in replayed(shifted, pair_by="index") if item.camera == "left"] == [0, 1, 2]
 
@@ -136,7 +139,7 @@ def test_a_file_without_one_whole_chunk_is_refused_in_one_sentence(tmp_path):
     path = record(tmp_path / "a.mcap", *stereo(4))
     with pytest.raises(InputError, match="there is no frame of left in it"):
         replayed(cut(path, 700))
-    with pytest.raises(InputError, match="no recording that is known"):
+    with pytest.raises(InputError, match="damaged or no recording"):
         replayed(cut(path, 20))
     with pytest.raises(InputError, match="no recording that is known"):
         replayed(cut(path, 0))
@@ -172,6 +175,7 @@ def test_a_recording_without_pictures_says_so(tmp_path):
     [
         ({"pair_by": "number"}, "not by number"),
         ({"cameras": ["a"]}, "1 names (a) for the 2 cameras"),
+        ({"topics": ["/left/image", "/right/image"]}, "format: mcap only"),
         ({"format": "euroc"}, "it looks like 'syncwatch'"),
     ],
 )
