@@ -11,7 +11,7 @@ from typing import Literal
 import click
 
 from pipeline.assemble import build_rig, version
-from pipeline.cli.common import CANNOT_TELL, DONE, execute, open_source, set_option
+from pipeline.cli.common import CANNOT_TELL, DONE, execute, open_source, said_once, set_option
 from pipeline.cli.recording import RecordingOptions, recording_options, recording_plan
 from pipeline.errors import InputError, RunError
 from pipeline.frame import Rig, Source
@@ -45,19 +45,20 @@ def repair(
     """
     taken, made = Path(source).expanduser(), Path(output).expanduser().absolute()
     _check(taken, made, force=force)
-    console = {"console": {"style": "progress"}}
-    plan = recording_plan([source], options, sinks=console, overrides=("align={}", *overrides))
-    rig = _rig(plan)
-    measured = Measured(rig)
-    interrupted = execute(plan, on_report=measured.take)
-    if interrupted:
-        return interrupted
-    log.info("writing %s", made)
-    job = Rewrite(taken, rig, measured, plan.config.buffer, pictures=pictures, restamp=restamp, version=version())
-    with _opened(plan) as opened, _replaced(made) as unfinished:
-        told = job.write(opened, unfinished)
-    click.echo("\n".join([f"{made}:", *told]))
-    return DONE if measured.is_known else CANNOT_TELL
+    with said_once():
+        console = {"console": {"style": "progress"}}
+        plan = recording_plan([source], options, sinks=console, overrides=("align={}", *overrides))
+        rig = _rig(plan)
+        measured = Measured(rig)
+        interrupted = execute(plan, on_report=measured.take)
+        if interrupted:
+            return interrupted
+        log.info("writing %s", made)
+        job = Rewrite(taken, rig, measured, plan.config.buffer, pictures=pictures, restamp=restamp, version=version())
+        with _opened(plan) as opened, _replaced(made) as unfinished:
+            told = job.write(opened, unfinished)
+        click.echo("\n".join([f"{made}:", *told]))
+        return DONE if measured.is_known else CANNOT_TELL
 
 
 def _check(taken: Path, made: Path, *, force: bool) -> None:
