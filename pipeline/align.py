@@ -141,11 +141,17 @@ class Aligner:
         )
 
 
+def slots_per_frame(pair: Pair, rig: Rig) -> int:
+    """Slots of the rig from one frame of the pair's faster camera to the next."""
+    slot_ns = min(camera.period_ns for camera in rig.cameras)
+    return round(min(rig.camera(name).period_ns for name in (pair.first, pair.second)) / slot_ns)
+
+
 def _lane(pair: Pair, rig: Rig, most: int) -> _Lane:
     slot_ns = min(camera.period_ns for camera in rig.cameras)
     periods_ns = [rig.camera(name).period_ns for name in (pair.first, pair.second)]
     whole = all(abs(ns / slot_ns / round(ns / slot_ns) - 1) <= NEARLY_WHOLE for ns in periods_ns)
-    return _Lane(pair, min(periods_ns), round(min(periods_ns) / slot_ns), most if whole else 0)
+    return _Lane(pair, min(periods_ns), slots_per_frame(pair, rig), most if whole else 0)
 
 
 def _away(lane: _Lane, verdict: Verdict | None) -> float | None:

@@ -56,6 +56,8 @@ from pipeline.steady import CONFIRM, WEIGHED
 from pipeline.verdict import Level, Report, Sink
 from sinks.console import ConsoleSettings, ConsoleSink
 from sinks.jsonl import JsonlSettings, JsonlSink
+from sinks.mcap.settings import McapSettings
+from sinks.mcap.sink import McapSink
 from sinks.zenoh import ZenohSettings, ZenohSink
 from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
@@ -71,6 +73,9 @@ class SinkContext:
     rig: Rig
     frame_count: int | None
     console: TextIO
+    live: bool
+    wall_ns: Callable[[], int]
+    monotonic_ns: Callable[[], int]
 
 
 def _offset_detector(settings: OffsetSettings, *, name: str, rig: Rig, plan: Plan, **_: object) -> OffsetDetector:
@@ -82,6 +87,19 @@ def _offset_detector(settings: OffsetSettings, *, name: str, rig: Rig, plan: Pla
         base=plan.base,
         version=version(),
         sync_tolerance_ms=None if tolerance == "auto" else tolerance,
+    )
+
+
+def _mcap_sink(settings: McapSettings, context: SinkContext) -> McapSink:
+    return McapSink(
+        settings,
+        base=context.plan.base,
+        rig=context.rig,
+        detectors=list(context.plan.detectors),
+        version=version(),
+        live=context.live,
+        wall_ns=context.wall_ns,
+        monotonic_ns=context.monotonic_ns,
     )
 
 
@@ -132,6 +150,7 @@ KINDS = Kinds(
                 lambda s, k: ConsoleSink(s, stream=k.console, rig=k.rig, frame_count=k.frame_count),
             ),
             "jsonl": Kind(JsonlSettings, lambda s, k: JsonlSink(s, base=k.plan.base)),
+            "mcap": Kind(McapSettings, _mcap_sink),
             "zenoh": Kind(ZenohSettings, lambda s, k: ZenohSink(s, rig=k.rig.name)),
         },
     },
@@ -203,7 +222,7 @@ def assemble(
     """
     rig = build_rig(plan, source)
     config = plan.config
-    context = SinkContext(plan, rig, source.frame_count, console)
+    context = SinkContext(plan, rig, source.frame_count, console, source.live, wall_ns, monotonic_ns)
     classic = config.judge.combine == "classic"
     confirm = CONFIRM if classic else WEIGHED
     detectors: Mapping[str, Detector] = {

@@ -13,6 +13,8 @@ from pipeline.cli.check import check
 from pipeline.cli.common import BAD_INPUT, FAILED, report, set_up_logging
 from pipeline.cli.configure import init, schema, validate
 from pipeline.cli.evaluate import evaluate
+from pipeline.cli.record import record
+from pipeline.cli.repair import repair
 from pipeline.cli.replay import replay
 from pipeline.cli.run import run
 from pipeline.cli.selftest import selftest
@@ -35,7 +37,7 @@ def app(verbose: bool) -> None:
     set_up_logging(verbose=verbose)
 
 
-for command in (run, replay, check, evaluate, validate, init, schema, selftest):
+for command in (run, replay, check, record, repair, evaluate, validate, init, schema, selftest):
     app.add_command(command)
 
 

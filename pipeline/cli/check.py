@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +21,7 @@ from pipeline.cli.common import (
     console_of,
     execute,
     open_source,
+    said_once,
     set_option,
 )
 from pipeline.cli.recording import RecordingOptions, is_config, plan_of, recording_options
@@ -64,11 +63,13 @@ def check(
     asked = _Asked(path, options, overrides)
     plan = asked.plan()
     stop_after_s = None if duration is None else seconds(duration)
-    if not (everything or is_config(path) or stop_after_s is not None):
-        with _said_once():
-            status = _check_parts(asked, plan)
-        if status is not None:
-            return status
+    whole = everything or is_config(path) or stop_after_s is not None
+    with said_once():
+        status = None if whole else _check_parts(asked, plan)
+        return _check_all(plan, stop_after_s) if status is None else status
+
+
+def _check_all(plan: Plan, stop_after_s: float | None) -> int:
     tally = Tally()
 
     def add(report: Report) -> None:
@@ -146,28 +147,9 @@ def _surveyed(plan: Plan) -> tuple[Survey | None, int]:
     return survey, carry_out(parts)
 
 
-@contextmanager
-def _said_once() -> Iterator[None]:
-    """What is said of a recording that is opened again and again is logged once."""
-    said: set[str] = set()
-
-    def is_new(record: logging.LogRecord) -> bool:
-        text = record.getMessage()
-        return text not in said and not said.add(text)  # type: ignore[func-returns-value]
-
-    handlers = logging.getLogger("syncwatch").handlers
-    for handler in handlers:
-        handler.addFilter(is_new)
-    try:
-        yield
-    finally:
-        for handler in handlers:
-            handler.removeFilter(is_new)
-
-
-def seconds(text: str) -> float:
+def seconds(text: str, option: str = "--for") -> float:
     """`10s`, `500ms`, `2m` or `10` as seconds. Raises InputError."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?)(ms|s|m|h|)", text.strip())
     if match is None or float(match[1]) == 0:
-        raise InputError(f"--for '{text}': expected a duration such as 10s, 500ms or 2m")
+        raise InputError(f"{option} '{text}': expected a duration such as 10s, 500ms or 2m")
     return float(match[1]) * UNIT_S[match[2]]

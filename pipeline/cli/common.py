@@ -142,6 +142,25 @@ def _stopped_by_signals(run: Run) -> Iterator[list[int]]:
             signal.signal(number, action)
 
 
+@contextmanager
+def said_once() -> Iterator[None]:
+    """What is said of a recording that is opened again and again is logged once."""
+    said: set[str] = set()
+
+    def is_new(record: logging.LogRecord) -> bool:
+        text = record.getMessage()
+        return text not in said and not said.add(text)  # type: ignore[func-returns-value]
+
+    handlers = logging.getLogger("syncwatch").handlers
+    for handler in handlers:
+        handler.addFilter(is_new)
+    try:
+        yield
+    finally:
+        for handler in handlers:
+            handler.removeFilter(is_new)
+
+
 def set_up_logging(*, verbose: bool) -> None:
     """Everything that is not a result goes to stderr, one line each."""
     handler = logging.StreamHandler(sys.stderr)

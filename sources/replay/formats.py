@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import median
 
 from pipeline.errors import InputError
-from sources.replay import caliscope, depthai_files, euroc, files, folders, halves, kitti, tumvi, videos
+from sources.replay import caliscope, depthai_files, euroc, files, folders, halves, kitti, own, tumvi, videos
 from sources.replay.messages import recording as messages
 from sources.replay.streams import SAME_FPS, Recording, Request
 
@@ -32,6 +32,7 @@ class Format:
 
 
 FORMATS: Mapping[str, Format] = {
+    "syncwatch": Format(own.matches, own.lone_camera, own.read),
     "mcap": Format(messages.is_messages_in_mcap, messages.no_lone_camera, messages.read),
     "rosbag1": Format(messages.is_rosbag1, messages.no_lone_camera, messages.read),
     "rosbag2": Format(messages.is_rosbag2, messages.no_lone_camera, messages.read),

@@ -72,7 +72,7 @@ class Merge:
             # Each camera against the first, and the first against each: what others lack of each other follows.
             if other is lane or lanes[0] not in (lane, other):
                 continue
-            grouped = lane.head is not None and lane.head.group is not None
+            grouped = lane.head is not None and lane.head.group is not None and lane.head.at_ns is None
             slack = 0 if grouped else other.stream.period_ns
             place = lane.place()
             if place < other.first - slack or (other.head is None and place > other.last + slack):

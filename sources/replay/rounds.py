@@ -29,6 +29,7 @@ class Round:
     shift_sequence: int = 0
     shift_group: int = 0
     shift_ns: int = 0
+    shift_epoch: int = 0
     _extents: dict[str, _Extent] = field(default_factory=dict)
 
     @property
@@ -39,12 +40,15 @@ class Round:
         self._take("sequence", entry.sequence or 0)
         self._take("group", entry.group or 0)
         self._take("ns", entry.captured_ns - stream.origin_ns)
+        self._take("ns", stream.at_ns(entry))
+        self._take("epoch", entry.told.epoch)
 
     def following(self, period_ns: int) -> Round:
         return Round(
             self.shift_sequence + self._length("sequence") + STEPS,
             self.shift_group + self._length("group") + STEPS,
             self.shift_ns + self._length("ns") + STEPS * period_ns,
+            self.shift_epoch + self._length("epoch"),
         )
 
     def _take(self, what: str, value: int) -> None:

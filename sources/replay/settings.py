@@ -14,6 +14,7 @@ Name = Annotated[str, Field(pattern="^[a-z0-9_]+$")]
 
 FormatName = Literal[
     "auto",
+    "syncwatch",
     "mcap",
     "rosbag1",
     "rosbag2",

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +110,7 @@ class ReplaySource:
                 for stream, entry in entries:
                     if self._stopped.is_set():
                         return
-                    at_ns = entry.captured_ns - stream.origin_ns
+                    at_ns = stream.at_ns(entry)
                     if at_ns < self._from_ns:
                         continue
                     if at_ns >= self._to_ns:
@@ -144,16 +145,20 @@ class ReplaySource:
         return self._makers[stream.name].make(entry.load(), entry.where)
 
     def _frame(self, recording: Recording, stream: Stream, entry: Entry, image: Picture, round_: Round) -> Frame:
+        told = entry.told
         return Frame(
             camera=stream.name,
             sequence=None if entry.sequence is None else entry.sequence + round_.shift_sequence,
             captured_ns=entry.captured_ns + round_.shift_ns,
-            clock=recording.clock,
+            clock=told.clock or recording.clock,
             arrived_ns=self._clock_ns() if entry.arrived_ns is None else entry.arrived_ns + round_.shift_ns,
             image=image,
             group=None if entry.group is None else entry.group + round_.shift_group,
+            epoch=told.epoch + round_.shift_epoch,
             exposure_ns=entry.exposure_ns,
-            stamp_origin=recording.stamp_origin,
+            stamp_reference=told.stamp_reference,
+            stamp_origin=told.stamp_origin or recording.stamp_origin,
+            truth=told.truth and replace(told.truth, shown_ns=told.truth.shown_ns + round_.shift_ns),
         )
 
     def _stops_before(self, at_ns: int) -> bool:

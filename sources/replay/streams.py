@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy.typing as npt
 
-from pipeline.frame import NS_PER_S, StampOrigin
+from pipeline.frame import NS_PER_S, StampOrigin, StampReference, Truth
 from sources.replay.notices import Notices
 from sources.replay.settings import ReplaySettings
 
@@ -27,10 +27,22 @@ SAME_EPOCH_NS = 2 * NS_PER_S
 
 
 @dataclass(frozen=True, slots=True)
+class Told:
+    """What a recording of our own tells of a frame besides, as `Frame` has it."""
+
+    clock: str | None = None
+    epoch: int = 0
+    stamp_reference: StampReference = StampReference.UNKNOWN
+    stamp_origin: StampOrigin | None = None
+    truth: Truth | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Entry:
     """One frame of a stream. `load` reads its picture, at most once and before the next entry is asked for.
 
     arrived_ns: when it was recorded, where that is known. exposure_ns: its exposure, likewise.
+    at_ns: where it stands in the recording, in time common to all streams; None: where its stamp says.
     """
 
     sequence: int | None
@@ -40,6 +52,8 @@ class Entry:
     load: Callable[[], Raw]
     arrived_ns: int | None = None
     exposure_ns: int | None = None
+    told: Told = field(default_factory=Told)
+    at_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +80,13 @@ class Stream:
     def period_ns(self) -> int:
         return round(NS_PER_S / self.fps)
 
+    def at_ns(self, entry: Entry) -> int:
+        """When `entry` is due, comparable over the streams of a recording."""
+        return entry.captured_ns - self.origin_ns if entry.at_ns is None else entry.at_ns
+
     def place(self, entry: Entry) -> int:
         """Where `entry` stands in the recording, comparable over its streams."""
-        return entry.group if entry.group is not None else entry.captured_ns - self.origin_ns
+        return entry.group if entry.group is not None and entry.at_ns is None else self.at_ns(entry)
 
 
 @dataclass(frozen=True, slots=True)

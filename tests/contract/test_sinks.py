@@ -10,6 +10,8 @@ import pytest
 from pipeline.verdict import AlignedPair, Basis, Cause, Event, Level, Sink, State, Status, Verdict
 from sinks.console import ConsoleSettings, ConsoleSink
 from sinks.jsonl import JsonlSettings, JsonlSink
+from sinks.mcap.settings import McapSettings
+from sinks.mcap.sink import McapSink
 from sinks.zenoh import ZenohSettings, ZenohSink
 from syncwatch.testing import ListSink
 from tests.frames import RIG, frame
@@ -34,10 +36,13 @@ def make(kind: str, folder) -> Sink:
         return JsonlSink(JsonlSettings(path="out.jsonl", what=("verdict", "event", "status", "aligned")), base=folder)
     if kind == "zenoh":
         return ZenohSink(ZenohSettings(prefix=f"test/{uuid.uuid4().hex[:8]}"), rig="bench")
+    if kind == "mcap":
+        settings = McapSettings(path="out.mcap")
+        return McapSink(settings, base=folder, rig=RIG, detectors=["offset"], version="0", live=False)
     return ListSink()
 
 
-@pytest.fixture(params=["console-live", "console-classic", "console-progress", "jsonl", "zenoh", "list"])
+@pytest.fixture(params=["console-live", "console-classic", "console-progress", "jsonl", "mcap", "zenoh", "list"])
 def sink(request, tmp_path) -> Sink:
     return make(request.param, tmp_path)
 

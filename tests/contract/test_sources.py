@@ -15,8 +15,9 @@ from sources.replay.source import ReplaySource
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
 from syncwatch.testing import ScriptedSource
-from tests.frames import RIG, frame
+from tests.frames import PERIOD_NS, RIG, frame
 from tests.programs import write_folders
+from tests.recorded import record
 
 Make = Callable[..., Source]
 
@@ -31,6 +32,13 @@ def replayed(folder, **settings) -> Source:
     return ReplaySource(ReplaySettings(path=str(folder), fps=10, **settings), base=folder)
 
 
+def recorded(folder, **settings) -> Source:
+    path = folder / "a.mcap"
+    if not path.exists():
+        record(path, *(frame(name, n * PERIOD_NS, n, group=n) for n in range(5) for name in ("left", "right")))
+    return ReplaySource(ReplaySettings(path=str(path), **settings), base=folder)
+
+
 def faulted(folder, **settings) -> Source:
     return FaultedSource(replayed(folder, **settings), lambda cameras: [SeqOffset(SeqOffsetSettings(), cameras, 0)])
 
@@ -39,7 +47,7 @@ def scripted(_, **settings) -> Source:
     return ScriptedSource(RIG.cameras, [frame(name, n, n, group=n) for n in range(5) for name in ("left", "right")])
 
 
-@pytest.fixture(params=[synthetic, replayed, faulted, scripted], ids=lambda make: make.__name__)
+@pytest.fixture(params=[synthetic, replayed, recorded, faulted, scripted], ids=lambda make: make.__name__)
 def make(request, tmp_path) -> Make:
     return lambda **settings: request.param(tmp_path, **settings)
 

@@ -1,0 +1,69 @@
+"""`syncwatch record`: frames and verdicts into an MCAP file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, get_args
+
+import click
+
+from pipeline.answer import answer
+from pipeline.cli.check import seconds
+from pipeline.cli.common import execute, read_plan, set_option
+from pipeline.cli.recording import RecordingOptions, is_config, recording_options, recording_plan
+from pipeline.mcap.frames import Pictures
+from pipeline.plan import Plan
+from pipeline.tally import Tally
+from pipeline.verdict import Verdict
+
+
+@click.command()
+@click.argument("path", nargs=-1, required=True)
+@click.option(
+    "-o", "--output", required=True, metavar="FILE.mcap", help="The file to write; {rig} and {time} are filled in."
+)
+@click.option("--pictures", type=click.Choice(get_args(Pictures)), help="How pictures are stored (default: raw).")
+@click.option("--around-events", metavar="TIME", help="Record only what is this close to an event, e.g. 5s.")
+@click.option("--for", "duration", metavar="TIME", help="Record for this long, e.g. 60s (default: to the end).")
+@click.option("--force", is_flag=True, help="Replace FILE.mcap if it is there.")
+@recording_options
+@set_option
+def record(
+    path: tuple[str, ...],
+    output: str,
+    pictures: str | None,
+    around_events: str | None,
+    duration: str | None,
+    force: bool,
+    options: RecordingOptions,
+    overrides: tuple[str, ...],
+) -> int:
+    """Record the rig of a configuration, or another recording, at PATH into an MCAP file while judging it.
+
+    Of the configuration's sinks only the recording is used; --set sinks.mcap.KEY=VALUE changes how it is made.
+    """
+    settings: dict[str, Any] = {"path": str(Path(output).expanduser().absolute()) if output != "-" else output}
+    if pictures is not None:
+        settings["pictures"] = pictures
+    if around_events is not None:
+        settings["around_events_s"] = seconds(around_events, "--around-events")
+    if force:
+        settings["overwrite"] = True
+    stop_after_s = None if duration is None else seconds(duration)
+    tally = Tally()
+    plan = _plan(path, options, {"console": {"style": "progress"}, "mcap": settings}, overrides)
+    interrupted = execute(
+        plan,
+        on_report=lambda report: tally.add(report) if isinstance(report, Verdict) else None,
+        stop_after_s=stop_after_s,
+    )
+    click.echo(f"{plan.config.rig}: {answer(tally).text}")
+    return interrupted
+
+
+def _plan(path: tuple[str, ...], options: RecordingOptions, sinks: dict[str, Any], overrides: tuple[str, ...]) -> Plan:
+    """The sinks come first, so that the recording's settings can be overridden as well."""
+    if not is_config(path):
+        return recording_plan(path, options, sinks=sinks, overrides=overrides)
+    return read_plan(path[0], (f"sinks={json.dumps(sinks, ensure_ascii=False)}", *options.overrides, *overrides))

@@ -1,0 +1,1 @@
+"""Writes a recording anew, with the frames together that belong together."""

@@ -1,0 +1,1 @@
+"""Records frames, verdicts, events and status into an MCAP file."""
