@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 from pipeline.tally import PairTally, Stretch, Tally
 from pipeline.verdict import State
@@ -23,22 +24,26 @@ STRAY = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What is said of a recording, and the sentences that say why."""
+    """What is said of a recording, and the sentences that say why. pairs: the same of each of its pairs."""
 
     state: State
     text: str
+    pairs: Mapping[str, Answer] = field(default_factory=dict)
 
 
 def answer(tally: Tally) -> Answer:
     """The worst answer over all pairs: out of sync, else cannot tell, else in sync."""
-    states = {name: _state(pair) for name, pair in tally.pairs.items()}
-    if not states:
+    pairs = {name: _of_pair(name, pair) for name, pair in tally.pairs.items()}
+    if not pairs:
         return Answer(State.UNKNOWN, "Cannot tell: no two frames came together.")
-    sentences = [_sentence(name, states[name], pair) for name, pair in tally.pairs.items()]
-    for state in (State.ASYNC, State.UNKNOWN):
-        if state in states.values():
-            return Answer(state, f"{HEADLINE[state]} {' '.join(sentences)}")
-    return Answer(State.SYNC, f"{HEADLINE[State.SYNC]} {' '.join(sentences)}")
+    states = {one.state for one in pairs.values()}
+    state = next(state for state in (State.ASYNC, State.UNKNOWN, State.SYNC) if state in states)
+    return Answer(state, " ".join([HEADLINE[state], *(one.text for one in pairs.values())]), pairs)
+
+
+def _of_pair(name: str, pair: PairTally) -> Answer:
+    state = _state(pair)
+    return Answer(state, _sentence(name, state, pair))
 
 
 HEADLINE = {State.SYNC: "In sync.", State.ASYNC: "OUT OF SYNC.", State.UNKNOWN: "Cannot tell."}

@@ -13,12 +13,12 @@ from pipeline.errors import InputError, RunError
 from pipeline.evaluate.columns import COLUMNS, by_manipulation, cells
 from pipeline.evaluate.failures import FAILURE_COLUMNS, by_scenario, confusion, confusions, failure_cells, upper_bound
 from pipeline.evaluate.outcome import Outcome
-from pipeline.evaluate.report.sentences import said
+from pipeline.sentences import said
 from pipeline.evaluate.report.svg import alone, confusion_svg, timeline_svg
 from pipeline.evaluate.runner import Result
 from pipeline.evaluate.score import Score
 from pipeline.evaluate.suite import Clip
-from pipeline.evaluate.timeline import Timeline
+from pipeline.timeline import Timeline
 
 DRAWING = """
 text{font:12px sans-serif;fill:currentColor}.in{fill:#fff}.count{font-size:20px}

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.evaluate.report.sentences import NOTE_WORDS, said
-from pipeline.evaluate.timeline import Mark, Span, Timeline
+from pipeline.sentences import NOTE_WORDS, said
+from pipeline.timeline import Mark, Span, Timeline
 from pipeline.notes import Note
 
 PERIOD_MS = 100 / 3
