@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from pipeline.tally import PairTally, Stretch, Tally
+from pipeline.tally import ENOUGH, PairTally, Stretch, Tally
 from pipeline.verdict import State
 from pipeline.words import CAUSE_WORDS, REASON_WORDS, describe
-
-ENOUGH = 10
-"""Frames that must agree before anything is said of a recording: fewer are an anecdote."""
 
 CLEAR = 0.9
 """Share of the decided frames that must agree for an answer about all of them."""
@@ -19,7 +16,7 @@ TOLD_STRETCHES = 4
 """Stretches that are told one by one: as many as fit into a paragraph."""
 
 STRAY = 0.05
-"""Where more than this share of the other frames is out of sync as well, the longest stretch may be chance."""
+"""Where more than this share of the other frames is out of sync as well, what lasts may be chance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +49,8 @@ HEADLINE = {State.SYNC: "In sync.", State.ASYNC: "OUT OF SYNC.", State.UNKNOWN: 
 def _state(pair: PairTally) -> State:
     if pair.decided < ENOUGH:
         return State.UNKNOWN
-    stray = pair.states[State.ASYNC] - pair.longest_async
-    if pair.longest_async >= ENOUGH and stray <= STRAY * (pair.decided - pair.longest_async):
+    lasting = pair.lasting_async
+    if lasting and pair.states[State.ASYNC] - lasting <= STRAY * (pair.decided - lasting):
         return State.ASYNC
     if pair.states[State.SYNC] >= CLEAR * pair.decided:
         return State.SYNC

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 
-from pipeline.timeline import Mark, Timeline
 from pipeline.notes import Note
+from pipeline.timeline import Mark, Timeline
 from pipeline.verdict import Cause, Reason
 from pipeline.words import REASON_WORDS
 

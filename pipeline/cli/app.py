@@ -14,6 +14,7 @@ from pipeline.cli.common import BAD_INPUT, FAILED, report, set_up_logging
 from pipeline.cli.configure import init, schema, validate
 from pipeline.cli.evaluate import evaluate
 from pipeline.cli.replay import replay
+from pipeline.cli.report import report as report_command
 from pipeline.cli.run import run
 from pipeline.cli.selftest import selftest
 from pipeline.errors import SyncwatchError
@@ -35,7 +36,7 @@ def app(verbose: bool) -> None:
     set_up_logging(verbose=verbose)
 
 
-for command in (run, replay, check, evaluate, validate, init, schema, selftest):
+for command in (run, replay, check, report_command, evaluate, validate, init, schema, selftest):
     app.add_command(command)
 
 
