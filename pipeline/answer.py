@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
-from pipeline.tally import PairTally, Stretch, Tally
+from pipeline.tally import ENOUGH, PairTally, Stretch, Tally
 from pipeline.verdict import State
 from pipeline.words import CAUSE_WORDS, REASON_WORDS, describe
-
-ENOUGH = 10
-"""Frames that must agree before anything is said of a recording: fewer are an anecdote."""
 
 CLEAR = 0.9
 """Share of the decided frames that must agree for an answer about all of them."""
@@ -18,27 +16,31 @@ TOLD_STRETCHES = 4
 """Stretches that are told one by one: as many as fit into a paragraph."""
 
 STRAY = 0.05
-"""Where more than this share of the other frames is out of sync as well, the longest stretch may be chance."""
+"""Where more than this share of the other frames is out of sync as well, what lasts may be chance."""
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What is said of a recording, and the sentences that say why."""
+    """What is said of a recording, and the sentences that say why. pairs: the same of each of its pairs."""
 
     state: State
     text: str
+    pairs: Mapping[str, Answer] = field(default_factory=dict)
 
 
 def answer(tally: Tally) -> Answer:
     """The worst answer over all pairs: out of sync, else cannot tell, else in sync."""
-    states = {name: _state(pair) for name, pair in tally.pairs.items()}
-    if not states:
+    pairs = {name: _of_pair(name, pair) for name, pair in tally.pairs.items()}
+    if not pairs:
         return Answer(State.UNKNOWN, "Cannot tell: no two frames came together.")
-    sentences = [_sentence(name, states[name], pair) for name, pair in tally.pairs.items()]
-    for state in (State.ASYNC, State.UNKNOWN):
-        if state in states.values():
-            return Answer(state, f"{HEADLINE[state]} {' '.join(sentences)}")
-    return Answer(State.SYNC, f"{HEADLINE[State.SYNC]} {' '.join(sentences)}")
+    states = {one.state for one in pairs.values()}
+    state = next(state for state in (State.ASYNC, State.UNKNOWN, State.SYNC) if state in states)
+    return Answer(state, " ".join([HEADLINE[state], *(one.text for one in pairs.values())]), pairs)
+
+
+def _of_pair(name: str, pair: PairTally) -> Answer:
+    state = _state(pair)
+    return Answer(state, _sentence(name, state, pair))
 
 
 HEADLINE = {State.SYNC: "In sync.", State.ASYNC: "OUT OF SYNC.", State.UNKNOWN: "Cannot tell."}
@@ -47,8 +49,8 @@ HEADLINE = {State.SYNC: "In sync.", State.ASYNC: "OUT OF SYNC.", State.UNKNOWN: 
 def _state(pair: PairTally) -> State:
     if pair.decided < ENOUGH:
         return State.UNKNOWN
-    stray = pair.states[State.ASYNC] - pair.longest_async
-    if pair.longest_async >= ENOUGH and stray <= STRAY * (pair.decided - pair.longest_async):
+    lasting = pair.lasting_async
+    if lasting and pair.states[State.ASYNC] - lasting <= STRAY * (pair.decided - lasting):
         return State.ASYNC
     if pair.states[State.SYNC] >= CLEAR * pair.decided:
         return State.SYNC
@@ -57,12 +59,17 @@ def _state(pair: PairTally) -> State:
 
 def _sentence(name: str, state: State, pair: PairTally) -> str:
     sync, wrong = pair.states[State.SYNC], pair.states[State.ASYNC]
-    counts = f"{pair.decided} of {pair.total} frames could be judged: {sync} in sync, {wrong} not"
+    counts = f"{pair.decided} of {pair.total} frames could be judged{_ground(pair)}: {sync} in sync, {wrong} not"
     if state is State.ASYNC:
         return f"{name}: {counts}. {_stretches(pair)}"
     if state is State.UNKNOWN and pair.decided >= ENOUGH:
         return f"{name}: {counts}, and they contradict each other from frame to frame."
     return f"{name}: {counts}.{_reasons(pair)}"
+
+
+def _ground(pair: PairTally) -> str:
+    """That most of it rests on timestamps alone, if so: these can lie."""
+    return " (mostly by timestamps alone, as pictures show too little)" if 2 * pair.by_stamps > pair.decided else ""
 
 
 def _stretches(pair: PairTally) -> str:

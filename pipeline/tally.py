@@ -6,7 +6,10 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from pipeline.steady import CONFIRM, Change, Steady, alike
-from pipeline.verdict import Reason, State, Verdict
+from pipeline.verdict import Basis, Reason, State, Verdict
+
+ENOUGH = 10
+"""Frames that must agree before anything is said of a recording: fewer are an anecdote."""
 
 MOST_STRETCHES = 100
 """Stretches out of sync that are remembered: more than anyone reads."""
@@ -52,9 +55,9 @@ class PairTally:
     """What was said of one pair, and how that compares with the truth where it is known.
 
     reasons: why nothing could be said, by frames. stretches: how it was out of sync, the first MOST_STRETCHES.
-    longest_async: frames of the longest stretch out of sync, one frame in ten forgiven.
     false_alarms: lasting changes to async while the pair was in sync.
     wrong: decided frames, each by itself, that contradict the truth.
+    by_stamps: decided frames for which timestamps alone spoke.
     """
 
     states: Counter[State] = field(default_factory=Counter)
@@ -65,12 +68,13 @@ class PairTally:
     injected: list[Injected] = field(default_factory=list)
     false_alarms: int = 0
     wrong: int = 0
-    longest_async: int = 0
+    by_stamps: int = 0
     _steady: Steady = field(default_factory=Steady)
     _current: Injected | None = None
     _stretch: Stretch | None = None
     _streak: int = 0
     _slack: int = 0
+    _lasted: int = 0
 
     @property
     def total(self) -> int:
@@ -80,10 +84,16 @@ class PairTally:
     def decided(self) -> int:
         return self.total - self.states[State.UNKNOWN]
 
+    @property
+    def lasting_async(self) -> int:
+        """Frames of stretches out of sync that last for ENOUGH frames, one frame in ten forgiven."""
+        return self._lasted + (self._streak if self._streak >= ENOUGH else 0)
+
     def add(self, verdict: Verdict) -> None:
         self.states[verdict.state] += 1
         if verdict.reason is not None:
             self.reasons[verdict.reason] += 1
+        self.by_stamps += verdict.state is not State.UNKNOWN and verdict.basis is Basis.TIMESTAMPS
         self._follow_streak(verdict.state)
         change = self._steady.add(verdict)
         self._follow_stretch(change, verdict)
@@ -108,7 +118,8 @@ class PairTally:
         self.injected += other.injected
         self.false_alarms += other.false_alarms
         self.wrong += other.wrong
-        self.longest_async = max(self.longest_async, other.longest_async)
+        self.by_stamps += other.by_stamps
+        self._lasted += other.lasting_async
 
     def _follow_stretch(self, change: Change | None, verdict: Verdict) -> None:
         if change is not None and change.state is State.ASYNC:
@@ -139,10 +150,10 @@ class PairTally:
     def _follow_streak(self, state: State) -> None:
         if state is State.ASYNC:
             self._streak += 1
-            self.longest_async = max(self.longest_async, self._streak)
         elif state is State.SYNC:
             self._slack += 10
         if self._slack > self._streak:
+            self._lasted = self.lasting_async
             self._streak = self._slack = 0
 
 

@@ -16,6 +16,7 @@ from pipeline.cli.evaluate import evaluate
 from pipeline.cli.record import record
 from pipeline.cli.repair import repair
 from pipeline.cli.replay import replay
+from pipeline.cli.report import report as report_command
 from pipeline.cli.run import run
 from pipeline.cli.selftest import selftest
 from pipeline.errors import SyncwatchError
@@ -37,7 +38,7 @@ def app(verbose: bool) -> None:
     set_up_logging(verbose=verbose)
 
 
-for command in (run, replay, check, record, repair, evaluate, validate, init, schema, selftest):
+for command in (run, replay, check, record, repair, evaluate, validate, init, schema, selftest, report_command):
     app.add_command(command)
 
 

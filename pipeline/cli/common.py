@@ -15,18 +15,21 @@ from typing import TextIO
 
 import click
 
-from pipeline.assemble import KINDS, assemble, build_source
+from pipeline.assemble import KINDS, assemble, build_rig, build_source
 from pipeline.configtext.document import ConfigError, Document, load_file, load_text
 from pipeline.errors import InputError, RunError, SyncwatchError
-from pipeline.frame import Source
+from pipeline.frame import Rig, Source
 from pipeline.plan import Plan, make_plan
 from pipeline.run import Parts, Run
-from pipeline.verdict import Report
+from pipeline.verdict import Report, Sink
 
 log = logging.getLogger("syncwatch.cli")
 
 DONE, FAILED, BAD_INPUT, OUT_OF_SYNC, CANNOT_TELL = 0, 1, 2, 3, 4
 CONFIG_NAME = "config.yaml"
+
+WATCH = "the command's own"
+"""The name of the sink that a command adds to those of the plan."""
 
 AT_ONCE = 3
 """Signals after which a run is abandoned: people press Ctrl-C twice without meaning more than once."""
@@ -87,13 +90,19 @@ def execute(
     plan: Plan,
     *,
     on_report: Callable[[Report], None] = lambda _: None,
+    watch: Callable[[Rig], Sink] | None = None,
     stop_after_s: float | None = None,
     until: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Runs the plan to its end, or until that is true after a report. Returns and raises as `carry_out`."""
+    """Runs the plan to its end, or until that is true after a report. Returns and raises as `carry_out`.
+
+    watch: makes a sink of the command's own, beside those of the plan.
+    """
     source = open_source(plan)
     try:
         parts = assemble(plan, source, console=console_of(plan), on_report=on_report)
+        if watch is not None:
+            parts.sinks = {**parts.sinks, WATCH: watch(build_rig(plan, source))}
     except BaseException:
         source.close()
         raise

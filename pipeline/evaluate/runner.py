@@ -18,9 +18,9 @@ from pipeline.evaluate.outcome import Outcome, outcome_of
 from pipeline.evaluate.score import Row, Score, period_of, row, score
 from pipeline.evaluate.subsample import SubsampledSource
 from pipeline.evaluate.suite import Clip
-from pipeline.evaluate.timeline import Timeline, timeline_of
 from pipeline.frame import Source
 from pipeline.run import Run
+from pipeline.timeline import Timeline, timeline_of
 from pipeline.verdict import Event, Report, Verdict
 from pipeline.workers import workers
 

@@ -41,10 +41,7 @@ class Look:
 def look_at(first: Frame, second: Frame, before: Frame | None) -> Look | None:
     """A look, or None where too few points are seen by both. before: the first camera's frame before."""
     here, there = work_on(first.image, WIDTH_PX), work_on(second.image, WIDTH_PX)
-    image, other = _of_one_size(here.image, equalised(there, here))
-    at, guess = search(image, other)
-    found, kept = follow(image, other, at, at + guess)
-    at, found = at[kept], found[kept]
+    at, found = seen_by_both(here, there)
     if len(at) < LEAST_POINTS:
         return None
     height, width = here.image.shape
@@ -61,6 +58,14 @@ def look_at(first: Frame, second: Frame, before: Frame | None) -> Look | None:
         half_px=half_px,
         scale=first.image.shape[1] / width,
     )
+
+
+def seen_by_both(first: Working, second: Working) -> tuple[Points, Points]:
+    """Places (n x 2 each) of corners in the first picture and in the second, whatever the cameras' poses."""
+    image, other = _of_one_size(first.image, equalised(second, first))
+    at, guess = search(image, other)
+    found, kept = follow(image, other, at, at + guess)
+    return at[kept], found[kept]
 
 
 def _of_one_size(first: Picture, second: Picture) -> tuple[Picture, Picture]:

@@ -27,6 +27,7 @@ def tallied(said: str, truth: str | None = None, pair: str = "left-right") -> Ta
         ("a" * 100, State.ASYNC),
         ("s" * 80 + "a" * 20, State.ASYNC),
         ("s" * 40 + "a" * 12 + "s" * 40, State.ASYNC),
+        ("s" * 40 + "a" * 30 + "s" * 40 + "a" * 30 + "s" * 40, State.ASYNC),
         ("ssa" * 40, State.UNKNOWN),
         ("ssa" * 30 + "a" * 11 + "ssa" * 30, State.UNKNOWN),
         ("u" * 100, State.UNKNOWN),

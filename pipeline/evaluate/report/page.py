@@ -13,12 +13,13 @@ from pipeline.errors import InputError, RunError
 from pipeline.evaluate.columns import COLUMNS, by_manipulation, cells
 from pipeline.evaluate.failures import FAILURE_COLUMNS, by_scenario, confusion, confusions, failure_cells, upper_bound
 from pipeline.evaluate.outcome import Outcome
-from pipeline.evaluate.report.sentences import said
 from pipeline.evaluate.report.svg import alone, confusion_svg, timeline_svg
 from pipeline.evaluate.runner import Result
 from pipeline.evaluate.score import Score
 from pipeline.evaluate.suite import Clip
-from pipeline.evaluate.timeline import Timeline
+from pipeline.html import page, table
+from pipeline.sentences import said
+from pipeline.timeline import Timeline
 
 DRAWING = """
 text{font:12px sans-serif;fill:currentColor}.in{fill:#fff}.count{font-size:20px}
@@ -30,16 +31,9 @@ text{font:12px sans-serif;fill:currentColor}.in{fill:#fff}.count{font-size:20px}
 
 STYLE = (
     """
-:root{color-scheme:light dark;--line:#8884;--soft:#8882}
-body{font:15px/1.5 system-ui,sans-serif;max-width:1040px;margin:2rem auto;padding:0 1rem}
-table{border-collapse:collapse;font-size:13px;display:block;overflow-x:auto}
-td,th{padding:.25rem .6rem;border-bottom:1px solid var(--line);text-align:right;white-space:nowrap}
 td:nth-child(-n+2),th:nth-child(-n+2){text-align:left}
-section{border-top:1px solid var(--line);margin-top:2rem;padding-top:.5rem}
-svg{width:100%;height:auto}.confusion{max-width:470px}
-.good{color:#2a9d5c}.bad{color:#d1382c}.lead{font-size:17px}a{color:inherit}
+.confusion{max-width:470px}
 .matrices{display:flex;flex-wrap:wrap;gap:1rem}figure{margin:0;flex:1 1 300px;max-width:470px}
-ul{margin:.3rem 0}details{background:var(--soft);padding:.3rem .8rem;border-radius:6px}
 """
     + DRAWING
 )
@@ -71,14 +65,12 @@ def write_report(folder: Path, suite: str, clips: Sequence[Clip], results: Seque
 
 def _page(suite: str, clips: Sequence[Clip], results: Sequence[Result], outcomes: Sequence[Outcome]) -> str:
     scores = [item for result in results for item in result.scores]
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>{escape(suite)}: evaluation</title><style>{STYLE}</style></head><body>"
+    body = (
         f"<h1>{escape(suite)}</h1>{_headline(outcomes)}{_wrong(outcomes)}{_tables(clips, outcomes, scores)}"
         f"<h2>What was true, and what was said</h2><p>Frames with a known truth, {_GRACE}.</p>{_matrices(outcomes)}"
-        f"<h2>Every run</h2><p>{_LEGEND}</p>{_runs(clips, results)}</body></html>\n"
+        f"<h2>Every run</h2><p>{_LEGEND}</p>{_runs(clips, results)}"
     )
+    return page(f"{suite}: evaluation", body, STYLE)
 
 
 def _matrices(outcomes: Sequence[Outcome]) -> str:
@@ -155,18 +147,12 @@ def _tables(clips: Sequence[Clip], outcomes: Sequence[Outcome], scores: Sequence
     if runs:
         rows = [[row, name, *failure_cells(group)] for (row, name), group in by_scenario(runs).items()]
         rows.append(["", "all", *failure_cells(runs)])
-        made += "<h2>Failures</h2>" + _table(["row", "scenario", *FAILURE_COLUMNS], rows)
+        made += "<h2>Failures</h2>" + table(["row", "scenario", *FAILURE_COLUMNS], rows)
     plain = [item for item in scores if item.manipulation not in staged]
     if plain:
         rows = [[name, "", *cells(group)] for name, group in by_manipulation(plain).items()]
-        made += "<h2>Offset from the pictures</h2>" + _table(["manipulation", "", *COLUMNS], rows)
+        made += "<h2>Offset from the pictures</h2>" + table(["manipulation", "", *COLUMNS], rows)
     return made
-
-
-def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = "".join(f"<th>{escape(title)}</th>" for title in titles)
-    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def _section(clip: Clip, outcome: Outcome, timeline: Timeline) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 
-from pipeline.evaluate.timeline import Point, Span, Timeline
+from pipeline.timeline import Point, Span, Timeline
 
 WIDTH, LEFT, RIGHT = 960, 90, 12
 BAND, GAP, CURVE = 16, 6, 110

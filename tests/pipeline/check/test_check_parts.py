@@ -185,7 +185,7 @@ def test_tallies_of_parts_add_up():
     for part in parts:
         together.merge(part)
     merged, counted = together.pairs["left-right"], whole.pairs["left-right"]
-    assert (merged.states, merged.longest_async) == (counted.states, counted.longest_async)
+    assert (merged.states, merged.lasting_async) == (counted.states, counted.lasting_async)
     assert [one.first.frame for one in merged.stretches] == [20]
 
 

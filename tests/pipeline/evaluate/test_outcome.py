@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pipeline.evaluate.failures import FAILURE_COLUMNS, confusion, failure_cells, upper_bound
 from pipeline.evaluate.outcome import Outcome, outcome_of
 from pipeline.evaluate.suite import Clip, Expected, Scenario
-from pipeline.evaluate.timeline import Span, timeline_of
+from pipeline.timeline import Span, timeline_of
 from pipeline.verdict import Basis, Cause, Event, Pace, PairTruth, Reason, Report, State, Verdict
 
 FPS = 10

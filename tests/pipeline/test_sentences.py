@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from pipeline.evaluate.report.sentences import NOTE_WORDS, said
-from pipeline.evaluate.timeline import Mark, Span, Timeline
 from pipeline.notes import Note
+from pipeline.sentences import NOTE_WORDS, said
+from pipeline.timeline import Mark, Span, Timeline
 
 PERIOD_MS = 100 / 3
 

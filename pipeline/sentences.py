@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 
-from pipeline.evaluate.timeline import Mark, Timeline
 from pipeline.notes import Note
+from pipeline.timeline import Mark, Timeline
 from pipeline.verdict import Cause, Reason
 from pipeline.words import REASON_WORDS
 
@@ -16,7 +16,7 @@ MOST_EVENTS = 4
 WHOLE = 0.1
 """An offset this close to whole frames, in frames, is told in frames."""
 
-NOTE_WORDS = {
+NOTE_WORDS: Mapping[str, str] = {
     Note.SEQUENCE_OFFSET: "the cameras count their frames from different numbers",
     Note.DROP: "frames were lost",
     Note.DUPLICATE_TIMESTAMP: "a stamp came twice",
@@ -39,16 +39,25 @@ NOTE_WORDS = {
 
 def said(timeline: Timeline) -> str:
     """What is wrong, since when, and what was noticed besides."""
+    words = happened(timeline) or [_nothing(timeline)]
+    notes = noticed(timeline)
+    if notes:
+        words.append(f"Noticed besides: {'; '.join(notes)}.")
+    return " ".join(words)
+
+
+def happened(timeline: Timeline) -> list[str]:
+    """A sentence for each of the first events, with the time, the camera and the amount; empty where none began."""
     begun = [mark for mark in timeline.marks if mark.kind.endswith(" onset")]
     words = [f"{_capital(_told(mark, timeline))}." for mark in begun[:MOST_EVENTS]]
     if len(begun) > MOST_EVENTS:
         words.append(f"{len(begun) - MOST_EVENTS} more events follow.")
-    if not begun:
-        words.append(_nothing(timeline))
-    noticed = [NOTE_WORDS.get(Note(mark.text), mark.text) for mark in timeline.marks if mark.kind == "note"]
-    if noticed:
-        words.append(f"Noticed besides: {'; '.join(noticed)}.")
-    return " ".join(words)
+    return words
+
+
+def noticed(timeline: Timeline) -> list[str]:
+    """What is remarkable and makes no pair out of sync by itself, in words without an end."""
+    return [NOTE_WORDS.get(mark.text, mark.text) for mark in timeline.marks if mark.kind == "note"]
 
 
 def _capital(text: str) -> str:

@@ -75,7 +75,10 @@ def timeline_of(reports: Sequence[Report], pair: str, fps: float, *, truth_known
     made.said = _spans(verdicts, fps, _said)
     every = max(1, len(verdicts) // MOST_POINTS)
     made.points = [_point(n / fps, verdict) for n, verdict in enumerate(verdicts) if n % every == 0]
-    made.marks = _marks(reports, pair, fps)
+    marks = Marks(pair, fps)
+    for report in reports:
+        marks.add(report)
+    made.marks = marks.marks
     return made
 
 
@@ -104,18 +107,36 @@ def _ms(value_ns: int | None) -> float | None:
     return None if value_ns is None else value_ns / NS_PER_MS
 
 
-def _marks(reports: Sequence[Report], pair: str, fps: float) -> list[Mark]:
-    marks: list[Mark] = []
-    seen: set[str] = set()
-    at, last = 0, None
-    for report in reports:
-        if isinstance(report, Verdict) and report.pair == pair:
-            at, last = at + 1, report
-            marks += [Mark((at - 1) / fps, "note", note) for note in report.notes if note not in seen]
-            seen.update(report.notes)
-        elif isinstance(report, Event) and report.pair in {pair, None}:
-            marks.append(_event(report, max(at - 1, 0) / fps, last, fps))
-    return marks
+class Marks:
+    """Collects the marks of one pair from reports as they come: each note when it is seen for the first time.
+
+    most: events beyond it are counted in `left_out` and not kept.
+    """
+
+    def __init__(self, pair: str, fps: float, most: int | None = None) -> None:
+        self.marks: list[Mark] = []
+        self.left_out = 0
+        self._pair = pair
+        self._fps = fps
+        self._most = most
+        self._seen: set[str] = set()
+        self._count = 0
+        self._last: Verdict | None = None
+
+    def add(self, report: Report) -> None:
+        if isinstance(report, Verdict) and report.pair == self._pair:
+            self._count, self._last = self._count + 1, report
+            self.marks += [Mark(self._at_s, "note", note) for note in report.notes if note not in self._seen]
+            self._seen.update(report.notes)
+        elif isinstance(report, Event) and report.pair in {self._pair, None}:
+            if self._most is not None and len(self.marks) >= self._most:
+                self.left_out += 1
+            else:
+                self.marks.append(_event(report, self._at_s, self._last, self._fps))
+
+    @property
+    def _at_s(self) -> float:
+        return max(self._count - 1, 0) / self._fps
 
 
 def _event(event: Event, at_s: float, verdict: Verdict | None, fps: float) -> Mark:

@@ -1,0 +1,1 @@
+"""The report on one recording: one HTML page that needs nothing else, and its numbers."""
