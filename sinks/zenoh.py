@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import re
 import threading
 import time
 from collections import deque
@@ -13,7 +12,7 @@ import zenoh
 
 from pipeline.errors import InputError, RunError
 from pipeline.verdict import EVENT_SCHEMA, AlignedPair, Event, Message, Report, Status, Verdict
-from sinks.zenoh_session import EVENT_CACHE, Published, encoding
+from sinks.zenoh_session import EVENT_CACHE, Published, encoding, first_words
 from sinks.zenoh_settings import RETRY_EVERY_S, ZenohSettings, is_key_chunk, session_config
 
 __all__ = ["ZenohSettings", "ZenohSink"]
@@ -67,7 +66,7 @@ class ZenohSink:
         while self._settings.required and self._refused is None and not self._is_reached():
             if time.monotonic() > deadline:
                 self._close(STOP_WITHIN_S)
-                raise RunError(f"zenoh: cannot reach {self._where()}: {error or NOBODY}")
+                raise RunError(f"zenoh: cannot reach {self._settings.where}: {error or NOBODY}")
             if self._published is None:
                 error = self._try_to_open()
             else:
@@ -75,7 +74,7 @@ class ZenohSink:
         if self._refused is not None:
             raise self._refused
         if not self._is_reached():
-            log.warning("zenoh: cannot reach %s yet, trying on (%s)", self._where(), error or NOBODY)
+            log.warning("zenoh: cannot reach %s yet, trying on (%s)", self._settings.where, error or NOBODY)
         if self._published is None:
             self._opener.start()
 
@@ -146,19 +145,19 @@ class ZenohSink:
             self._try_to_open()
             self._stopped.wait(RETRY_EVERY_S)
         if self._published is not None:
-            log.info("zenoh: connected to %s", self._where())
+            log.info("zenoh: connected to %s", self._settings.where)
 
     def _try_to_open(self) -> str:
         """Opens the session and publishes what has waited; returns what went wrong, if anything."""
         try:
             session = zenoh.open(session_config(self._settings))
         except zenoh.ZError as error:
-            return _first_words(error)
+            return first_words(error)
         try:
             return self._publish_from(session)
         except zenoh.ZError as error:  # what was open may be gone again
             session.close()
-            return _first_words(error)
+            return first_words(error)
 
     def _publish_from(self, session: zenoh.Session) -> str:
         if _is_taken(session, f"{self._root}/alive"):
@@ -190,17 +189,6 @@ class ZenohSink:
             for key, (text, schema) in latest.items():
                 if query.key_expr.intersects(zenoh.KeyExpr(key)):
                     query.reply(key, text, encoding=encoding(schema))
-
-    def _where(self) -> str:
-        return ", ".join(self._settings.connect or self._settings.listen) or "the local network"
-
-
-SOURCE_PLACE = re.compile(r"\.? at /\S+\.rs:\d+\.?")
-
-
-def _first_words(error: zenoh.ZError) -> str:
-    """What went wrong, without the places in Zenoh's own source."""
-    return SOURCE_PLACE.sub("", str(error).splitlines()[0])
 
 
 def _is_taken(session: zenoh.Session, key: str) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -29,6 +30,19 @@ CONGESTION = {
     VERDICT_SCHEMA: zenoh.CongestionControl.DROP,
     ALIGNED_SCHEMA: zenoh.CongestionControl.DROP,
 }
+
+
+SOURCE_PLACE = re.compile(r"\.? at /\S+\.rs:\d+\.?")
+
+
+def first_words(error: zenoh.ZError) -> str:
+    """What went wrong, without the places in Zenoh's own source."""
+    return SOURCE_PLACE.sub("", str(error).splitlines()[0])
+
+
+def is_linked(session: zenoh.Session) -> bool:
+    """Whether anybody is at the other end of the session."""
+    return bool(session.info.routers_zid() or session.info.peers_zid())
 
 
 def encoding(schema: str) -> zenoh.Encoding:
@@ -66,7 +80,7 @@ class Published:
         self._answerer.start()
 
     def is_connected(self) -> bool:
-        return bool(self._session.info.routers_zid() or self._session.info.peers_zid())
+        return is_linked(self._session)
 
     def event(self, message: Message) -> None:
         self._events.put(json.dumps(message))

@@ -63,6 +63,11 @@ class ZenohSettings(Settings):
     required: bool = False
     verdicts: Literal["all", "changes", "none"] = "all"
 
+    @property
+    def where(self) -> str:
+        """Where others are looked for, for people."""
+        return ", ".join(self.connect or self.listen) or "the local network"
+
     @model_validator(mode="after")
     def _client_has_a_router(self) -> ZenohSettings:
         if self.mode == "client" and not self.connect:
