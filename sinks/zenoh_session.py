@@ -25,10 +25,14 @@ HEARTBEAT_S = 0.5
 ANSWER_EVERY_S = 0.02
 QUERIES_WAITING = 256
 
+JPEG = "image/jpeg"
+"""Stands where other messages have the name of their schema."""
+
 CONGESTION = {
     STATUS_SCHEMA: zenoh.CongestionControl.BLOCK,
     VERDICT_SCHEMA: zenoh.CongestionControl.DROP,
     ALIGNED_SCHEMA: zenoh.CongestionControl.DROP,
+    JPEG: zenoh.CongestionControl.DROP,
 }
 
 
@@ -46,7 +50,8 @@ def is_linked(session: zenoh.Session) -> bool:
 
 
 def encoding(schema: str) -> zenoh.Encoding:
-    made: zenoh.Encoding = zenoh.Encoding.APPLICATION_JSON.with_schema(schema)
+    json_encoding = zenoh.Encoding.APPLICATION_JSON
+    made: zenoh.Encoding = zenoh.Encoding.IMAGE_JPEG if schema == JPEG else json_encoding.with_schema(schema)
     return made
 
 
@@ -85,13 +90,18 @@ class Published:
     def event(self, message: Message) -> None:
         self._events.put(json.dumps(message))
 
-    def put(self, key: str, text: str, schema: str) -> None:
+    def put(self, key: str, payload: str | bytes, schema: str) -> None:
+        """Publishes; pictures behind everything else, so that they hold nothing up."""
         publisher = self._publishers.get(key)
         if publisher is None:
-            control = CONGESTION[schema]
-            publisher = self._session.declare_publisher(key, encoding=encoding(schema), congestion_control=control)
+            publisher = self._session.declare_publisher(
+                key,
+                encoding=encoding(schema),
+                congestion_control=CONGESTION[schema],
+                priority=zenoh.Priority.DATA_LOW if schema == JPEG else zenoh.Priority.DEFAULT,
+            )
             self._publishers[key] = publisher
-        publisher.put(text)
+        publisher.put(payload)
 
     def close(self) -> None:
         self._closing.set()
