@@ -12,6 +12,7 @@ from pipeline.assemble import version
 from pipeline.cli.check import check
 from pipeline.cli.common import BAD_INPUT, FAILED, report, set_up_logging
 from pipeline.cli.configure import init, schema, validate
+from pipeline.cli.dashboard import dashboard
 from pipeline.cli.evaluate import evaluate
 from pipeline.cli.replay import replay
 from pipeline.cli.run import run
@@ -35,7 +36,7 @@ def app(verbose: bool) -> None:
     set_up_logging(verbose=verbose)
 
 
-for command in (run, replay, check, evaluate, validate, init, schema, selftest):
+for command in (run, replay, check, evaluate, validate, init, schema, selftest, dashboard):
     app.add_command(command)
 
 

@@ -51,7 +51,7 @@ class FleetListener:
     ) -> None:
         self.fleet = Fleet(monotonic_ns)
         self.problem: str | None = f"connecting to {settings.where}"
-        self._settings = settings
+        self.settings = settings
         self._previews = previews
         self._stopping = threading.Event()
         self._complained: set[str] = set()
@@ -78,19 +78,19 @@ class FleetListener:
                 with ExitStack() as opened:
                     self._hear(self._open(opened))
             except zenoh.ZError as error:
-                self._cut_off(f"cannot reach {self._settings.where}: {first_words(error)}")
+                self._cut_off(f"cannot reach {self.settings.where}: {first_words(error)}")
             self._stopping.wait(RETRY_EVERY_S)
 
     def _open(self, opened: ExitStack) -> _Ears:
-        session = opened.enter_context(zenoh.open(session_config(self._settings)))
-        return _Ears(session, opened, self._settings.prefix, previews=self._previews)
+        session = opened.enter_context(zenoh.open(session_config(self.settings)))
+        return _Ears(session, opened, self.settings.prefix, previews=self._previews)
 
     def _hear(self, ears: _Ears) -> None:
         while not self._stopping.wait(POLL_S) and not ears.session.is_closed():
-            if self._settings.connect and not is_linked(ears.session):
-                self._cut_off(f"nobody answers at {self._settings.where}")
+            if self.settings.connect and not is_linked(ears.session):
+                self._cut_off(f"nobody answers at {self.settings.where}")
             elif self.problem is not None:
-                log.debug("connected to %s", self._settings.where)
+                log.debug("connected to %s", self.settings.where)
                 self.problem, self.fleet.connected = None, True
             for suffix, samples in ears.each():
                 self._take(suffix, samples)
@@ -105,7 +105,7 @@ class FleetListener:
             if self._stopping.is_set() or (sample := samples.try_recv()) is None:
                 return
             key = str(sample.key_expr)
-            below = key.removeprefix(self._settings.prefix).strip("/")
+            below = key.removeprefix(self.settings.prefix).strip("/")
             try:
                 self._take_one(suffix, below, sample)
             except ValueError as error:

@@ -1,8 +1,9 @@
-"""The last minutes of one pair's offset, at a few points a second."""
+"""The last minutes: of one pair's offset, at a few points a second, and of a rig's state."""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from pipeline.fleet.messages import HeardPair, HeardVerdict
@@ -70,3 +71,28 @@ class Offsets:
             known = [v for v in (before.low_ms, before.high_ms, point.offset_ms) if v is not None]
             point = replace(point, low_ms=min(known, default=None), high_ms=max(known, default=None))
         self._points.append(point)
+
+
+SLOT_NS = 5 * NS_PER_S
+WORST_FIRST = (State.ASYNC, State.UNKNOWN, State.SYNC)
+
+
+class Trail:
+    """The worst state of any pair of a rig in each SLOT_NS of the last KEPT_NS."""
+
+    def __init__(self) -> None:
+        self._slots: deque[tuple[int, State]] = deque(maxlen=KEPT_NS // SLOT_NS)
+
+    def add(self, states: Iterable[State], now_ns: int) -> None:
+        slot = now_ns // SLOT_NS
+        before = [self._slots.pop()[1]] if self._slots and self._slots[-1][0] == slot else []
+        seen = {*states, *before}
+        worst = next((state for state in WORST_FIRST if state in seen), None)
+        if worst is not None:
+            self._slots.append((slot, worst))
+
+    def until(self, now_ns: int) -> tuple[State | None, ...]:
+        """A state for each slot, oldest first; None where nothing was heard."""
+        known = dict(self._slots)
+        last = now_ns // SLOT_NS
+        return tuple(known.get(slot) for slot in range(last - KEPT_NS // SLOT_NS + 1, last + 1))

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from pipeline.fleet.messages import HeardEvent, HeardStatus, HeardVerdict
-from pipeline.fleet.offsets import Offsets, Point
+from pipeline.fleet.offsets import Offsets, Point, Trail
 from pipeline.frame import NS_PER_S
+from pipeline.verdict import State
 
 STALE_AFTER_NS = 5 * NS_PER_S
 """A status comes once a second: after five that did not come, the last one says nothing of now."""
@@ -64,6 +65,7 @@ class RigView:
 
     status: the last one, None before there was any. silent_ns: since it was heard, or since the rig was first noticed.
     incidents: the last MAX_EVENTS, oldest first. previews: the number of the latest picture of each camera.
+    trail: the worst state of any pair in each SLOT_NS of the last minutes, oldest first, None where nothing was heard.
     """
 
     name: str
@@ -72,6 +74,7 @@ class RigView:
     silent_ns: int
     incidents: tuple[Incident, ...]
     previews: Mapping[str, int]
+    trail: tuple[State | None, ...]
 
 
 @dataclass(slots=True)
@@ -84,6 +87,7 @@ class _Rig:
     listed: tuple[Incident, ...] = ()
     offsets: dict[str, Offsets] = field(default_factory=dict)
     previews: dict[str, Preview] = field(default_factory=dict)
+    trail: Trail = field(default_factory=Trail)
 
 
 class Fleet:
@@ -121,8 +125,10 @@ class Fleet:
                 _close_before(rig, status.at_ns - round(status.monitor.uptime_s * NS_PER_S))
             rig.status = status
             rig.heard_ns = self._monotonic_ns()
-            for pair, said in list(status.pairs.items())[:MAX_PARTS]:
-                self._offsets(rig, pair).fill(said, rig.heard_ns)
+            rig.trail.add((pair.state for pair in status.pairs.values()), rig.heard_ns)
+            for pair, said in status.pairs.items():
+                if (offsets := self._offsets(rig, pair)) is not None:
+                    offsets.fill(said, rig.heard_ns)
 
     def hear_event(self, name: str, event: HeardEvent) -> None:
         with self._lock:
@@ -139,8 +145,8 @@ class Fleet:
     def hear_verdict(self, name: str, pair: str, verdict: HeardVerdict) -> None:
         with self._lock:
             rig = self._rig(name)
-            if rig is not None and (pair in rig.offsets or len(rig.offsets) < MAX_PARTS):
-                self._offsets(rig, pair).add(verdict, self._monotonic_ns())
+            if rig is not None and (offsets := self._offsets(rig, pair)) is not None:
+                offsets.add(verdict, self._monotonic_ns())
 
     def hear_preview(self, name: str, camera: str, jpeg: bytes) -> None:
         with self._lock:
@@ -183,12 +189,16 @@ class Fleet:
             self._rigs[name] = _Rig(heard_ns=self._monotonic_ns())
         return self._rigs[name]
 
-    def _offsets(self, rig: _Rig, pair: str) -> Offsets:
-        return rig.offsets.setdefault(pair, Offsets())
+    def _offsets(self, rig: _Rig, pair: str) -> Offsets | None:
+        """The pair's, new if need be; None when there is no room."""
+        if pair not in rig.offsets and len(rig.offsets) < MAX_PARTS:
+            rig.offsets[pair] = Offsets()
+        return rig.offsets.get(pair)
 
     def _view(self, name: str) -> RigView:
         rig = self._rigs[name]
-        silent_ns = self._monotonic_ns() - rig.heard_ns
+        now_ns = self._monotonic_ns()
+        silent_ns = now_ns - rig.heard_ns
         return RigView(
             name=name,
             presence=self._presence(rig, silent_ns),
@@ -196,6 +206,7 @@ class Fleet:
             silent_ns=silent_ns,
             incidents=rig.listed,
             previews={camera: preview.number for camera, preview in rig.previews.items()},
+            trail=rig.trail.until(now_ns),
         )
 
     def _presence(self, rig: _Rig, silent_ns: int) -> Presence:

@@ -13,7 +13,7 @@ UNKNOWN = {"left-right": {"state": "unknown", "since_ns": 0}}
 
 
 def view(presence=Presence.ALIVE, said=None, silent_s=0) -> RigView:
-    return RigView("cart", presence, said, silent_s * NS_PER_S, (), {})
+    return RigView("cart", presence, said, silent_s * NS_PER_S, (), {}, ())
 
 
 @pytest.mark.parametrize(

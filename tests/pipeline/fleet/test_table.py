@@ -139,6 +139,17 @@ def test_statuses_do_not_write_over_verdicts(fleet, clock):
     assert [point.offset_ms for point in fleet.offsets("cart")["left-right"]] == [1.0]
 
 
+def test_the_trail_keeps_the_worst_state_of_every_five_seconds_and_shows_silence(fleet, clock):
+    for state in ("sync", "unknown", "async", "sync"):
+        pair = {"state": state, "since_ns": 0}
+        fleet.hear_status("cart", status(pairs={"a-b": pair, "a-c": {"state": "sync", "since_ns": 0}}))
+        clock.now_s += 2.5
+    clock.now_s += 5
+    fleet.hear_status("cart", status())
+    trail = [state and state.value for state in fleet.rig("cart").trail]
+    assert trail == [None] * 56 + ["unknown", "async", None, "sync"]
+
+
 def test_previews_are_numbered_and_only_the_latest_is_kept(fleet):
     fleet.hear_preview("cart", "left", b"one")
     fleet.hear_preview("cart", "left", b"two")
@@ -152,6 +163,7 @@ def test_however_many_pairs_and_cameras_a_rig_claims_to_have_few_are_kept(fleet)
     for number in range(2 * MAX_PARTS):
         fleet.hear_verdict("cart", f"a-b{number}", verdict(1.0))
         fleet.hear_preview("cart", f"c{number}", b"x")
+        fleet.hear_status("cart", status(pairs={f"c-d{number}": {"state": "sync", "since_ns": 0}}))
     assert len(fleet.offsets("cart")) == len(fleet.rig("cart").previews) == MAX_PARTS
 
 
