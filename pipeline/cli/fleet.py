@@ -38,6 +38,8 @@ def fleet_options(command: Command) -> Command:
 
 def fleet_settings(prefix: str, connect: Sequence[str], listen: Sequence[str], mode: str | None) -> ZenohSettings:
     """Where to listen, as the command line says it. Raises InputError."""
+    if mode == "client" and not connect:
+        raise InputError("--mode client: needs a router to connect to, e.g. --connect tcp/127.0.0.1:7447")
     values = {
         "prefix": prefix,
         "connect": tuple(connect),
@@ -49,5 +51,5 @@ def fleet_settings(prefix: str, connect: Sequence[str], listen: Sequence[str], m
     except ValidationError as error:
         problem = error.errors()[0]
         said = str(problem.get("ctx", {}).get("error", problem["msg"]))
-        name = str(problem["loc"][0]) if problem["loc"] else "mode"
+        name = str(problem["loc"][0])
         raise InputError(f"{'PREFIX' if name == 'prefix' else f'--{name}'}: {said}") from None

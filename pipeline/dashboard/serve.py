@@ -16,6 +16,8 @@ from pipeline.errors import InputError
 from pipeline.fleet.listener import FleetListener
 
 END_WITHIN_S = 1
+WAITING_BYTES = 256 * 1024
+"""What may be on its way to a reader that takes nothing."""
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -28,6 +30,7 @@ def bind(host: str, port: int) -> socket.socket:
     made = socket.socket(family, socket.SOCK_STREAM)
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, WAITING_BYTES)
         made.bind(address)
         made.listen()
     except OSError as error:

@@ -15,6 +15,9 @@ from pipeline.verdict import State
 STALE_AFTER_NS = 5 * NS_PER_S
 """A status comes once a second: after five that did not come, the last one says nothing of now."""
 
+FORGET_AFTER_NS = 24 * 3600 * NS_PER_S
+"""A rig whose monitor has been gone for a day is not missed any more."""
+
 MAX_RIGS = 1000
 MAX_EVENTS = 200
 MAX_PARTS = 64
@@ -158,7 +161,10 @@ class Fleet:
 
     def rigs(self) -> tuple[RigView, ...]:
         """All rigs, by name."""
+        forget_ns = self._monotonic_ns() - FORGET_AFTER_NS
         with self._lock:
+            for name in [name for name, rig in self._rigs.items() if not rig.here and rig.changed_ns < forget_ns]:
+                del self._rigs[name]
             return tuple(self._view(name) for name in sorted(self._rigs))
 
     def rig(self, name: str) -> RigView | None:

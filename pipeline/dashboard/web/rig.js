@@ -53,10 +53,10 @@ export class RigPage {
     if (!rig.status) return;
     document.documentElement.dataset.presence = rig.presence;
     const pairs = Object.entries(rig.status.pairs);
-    keyed(this.pairs, pairs, ([name]) => name, ([name]) => this.makePair(name), (made, [, pair]) => updatePair(made, pair));
+    keyed(this.pairs, pairs, ([name]) => name, ([name]) => this.makePair(name), (made, [, pair]) => updatePair(made, pair, rig.presence));
     const cameras = Object.entries(rig.status.cameras);
     keyed(this.cameras, cameras, ([name]) => name, makeCamera, (made, [name, camera]) =>
-      updateCamera(made, camera, rig.previews[name], `rig=${encodeURIComponent(this.name)}&camera=${encodeURIComponent(name)}`),
+      updateCamera(made, camera, rig.presence, rig.previews[name], `rig=${encodeURIComponent(this.name)}&camera=${encodeURIComponent(name)}`),
     );
     this.quiet.hidden = rig.events.length > 0;
     keyed(this.events, rig.events, (event) => event.id, makeEvent, updateEvent);
@@ -90,11 +90,13 @@ function since(rig) {
   return `for ${duration((rig.status.at_ms - at) / 1000)}, since ${clock(at)}`;
 }
 
-function updatePair({ parts, dataset }, pair) {
-  const tone = TONE_OF[pair.state];
+function updatePair({ parts, dataset }, pair, presence) {
+  const now = presence === "alive";
+  const tone = now ? TONE_OF[pair.state] : "ended";
   dataset.tone = tone;
   drawIcon(parts.icon, tone);
-  say(parts.state, pair.cause ? `${SAID[pair.state]}: ${plain(pair.cause)}` : SAID[pair.state]);
+  const state = pair.cause ? `${SAID[pair.state]}: ${plain(pair.cause)}` : SAID[pair.state];
+  say(parts.state, now ? state : `at last: ${state}`);
   say(parts.offset, offset(pair.offset_ms, pair.offset_sigma_ms));
   const pace = pair.drift.stamps_ppm ?? pair.drift.pictures_ppm;
   const more = [
@@ -126,16 +128,17 @@ function makeCamera([name]) {
   return made;
 }
 
-function updateCamera({ parts }, camera, number, address) {
+function updateCamera({ parts }, camera, presence, number, address) {
   for (const [index, [, text, odd]] of VALUES.entries()) {
     say(parts.values[index][1], String(text(camera)));
     parts.values[index][1].className = odd(camera) ? "odd" : "";
   }
-  const tone = camera.conditions.length ? "warn" : "good";
+  const tone = presence !== "alive" ? "ended" : camera.conditions.length ? "warn" : "good";
   parts.conditions.dataset.tone = tone;
   if (!parts.icon) parts.conditions.append((parts.icon = icon(tone)), (parts.text = el("span")));
   drawIcon(parts.icon, tone);
-  say(parts.text, camera.conditions.length ? camera.conditions.map(plain).join(", ") : "well");
+  const state = camera.conditions.length ? camera.conditions.map(plain).join(", ") : "well";
+  say(parts.text, presence === "alive" ? state : `at last: ${state}`);
   if (number && parts.number !== number) {
     parts.number = number;
     const next = new Image();

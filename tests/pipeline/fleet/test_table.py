@@ -65,6 +65,16 @@ def test_a_rig_that_comes_back_is_alive_at_once(fleet, clock):
     assert fleet.rig("cart").presence is Presence.ALIVE
 
 
+def test_a_rig_that_has_been_gone_for_a_day_is_forgotten(fleet, clock):
+    for name in ("cart", "tram"):
+        fleet.hear_alive(name, here=True)
+    fleet.hear_alive("cart", here=False)
+    clock.now_s += 24 * 3600
+    assert [rig.name for rig in fleet.rigs()] == ["cart", "tram"]
+    clock.now_s += 1
+    assert [rig.name for rig in fleet.rigs()] == ["tram"]
+
+
 def test_nothing_is_known_of_anybody_while_the_listener_is_cut_off(fleet):
     fleet.hear_status("cart", status())
     fleet.connected = False
