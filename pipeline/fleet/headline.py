@@ -61,7 +61,7 @@ def _stands(status: HeardStatus) -> Headline:
         return Headline(Tone.WARN, "Warning", reasons)
     unsure = [name for name, pair in status.pairs.items() if pair.state is State.UNKNOWN]
     if unsure or not status.pairs:
-        return Headline(Tone.UNSURE, "Cannot tell", ", ".join(unsure))
+        return Headline(Tone.UNSURE, "Cannot tell", ", ".join(unsure) if len(status.pairs) > 1 else "")
     return Headline(Tone.GOOD, "In sync", "")
 
 

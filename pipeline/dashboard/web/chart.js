@@ -23,7 +23,8 @@ export class Chart {
     new ResizeObserver(() => this.draw()).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
     for (const name of ["pointermove", "pointerdown"]) canvas.addEventListener(name, (event) => this.point(event));
-    for (const name of ["pointerleave", "pointercancel"]) canvas.addEventListener(name, () => this.point(null));
+    canvas.addEventListener("pointercancel", () => this.point(null));
+    canvas.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && this.point(null));
   }
 
   clear() {

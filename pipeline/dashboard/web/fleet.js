@@ -5,7 +5,7 @@ import { drawTrail, makeTrail } from "./trail.js";
 import { GLYPHS, offset, pairName } from "./words.js";
 
 const PAIRS_SHOWN = 3;
-const FEW = 4;
+const FEW = 6;
 
 export class FleetPage {
   constructor(main) {

@@ -96,7 +96,7 @@ function updatePair({ parts, dataset }, pair, presence) {
   dataset.tone = tone;
   drawIcon(parts.icon, tone);
   const state = pair.cause ? `${SAID[pair.state]}: ${plain(pair.cause)}` : SAID[pair.state];
-  say(parts.state, now ? state : `at last: ${state}`);
+  say(parts.state, now ? state : `last known: ${state}`);
   say(parts.offset, offset(pair.offset_ms, pair.offset_sigma_ms));
   const pace = pair.drift.stamps_ppm ?? pair.drift.pictures_ppm;
   const more = [
@@ -138,7 +138,7 @@ function updateCamera({ parts }, camera, presence, number, address) {
   if (!parts.icon) parts.conditions.append((parts.icon = icon(tone)), (parts.text = el("span")));
   drawIcon(parts.icon, tone);
   const state = camera.conditions.length ? camera.conditions.map(plain).join(", ") : "well";
-  say(parts.text, presence === "alive" ? state : `at last: ${state}`);
+  say(parts.text, presence === "alive" ? state : `last known: ${state}`);
   if (number && parts.number !== number) {
     parts.number = number;
     const next = new Image();

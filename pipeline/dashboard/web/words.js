@@ -2,7 +2,7 @@
 
 export const STATES = { s: "in sync", a: "out of sync", u: "cannot tell" };
 export const TONE_OF_STATE = { s: "good", a: "bad", u: "unsure" };
-export const TONES = { bad: "in trouble", away: "not heard", warn: "warned of", unsure: "unsure", good: "in sync" };
+export const TONES = { bad: "in trouble", away: "not heard", warn: "with warnings", unsure: "unsure", good: "in sync" };
 export const GLYPHS = { bad: "✕", away: "⊘", warn: "⚠", unsure: "?", good: "✓" };
 
 export function signed(value, digits = 1) {
