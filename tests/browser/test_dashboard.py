@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -48,6 +49,7 @@ PAINTED = """() => {
 }"""
 
 
+@pytest.mark.timeout(170)
 def test_a_rig_in_the_field(chromium, stage, address, pictures):
     """Rigs appear, one slips and is called out of sync, one dies and is called gone; nobody reloads anything."""
     with visit(chromium, address) as page:
@@ -67,8 +69,7 @@ def test_a_rig_in_the_field(chromium, stage, address, pictures):
             "() => [...document.querySelectorAll('img.preview')].every((i) => i.naturalWidth === 320)"
         )
         page.wait_for_function("() => document.title.startsWith('✓ In sync: cart')")
-        before = page.locator(".camera dd").all_inner_texts(), page.locator("footer").inner_text()
-        expect(page.locator("footer")).not_to_have_text(before[1])
+        expect(page.locator("footer")).not_to_have_text(page.locator("footer").inner_text())
         page.wait_for_function(PAINTED)
 
         expect(word(page)).to_have_text("Out of sync", timeout=60_000)
@@ -76,7 +77,8 @@ def test_a_rig_in_the_field(chromium, stage, address, pictures):
         expect(page.locator(".event")).to_contain_text("left – right, out of sync: slip")
         expect(page.locator(".plot .offset")).to_contain_text("+100.")
         page.wait_for_function("() => document.title.startsWith('✕ Out of sync: cart')")
-        page.wait_for_timeout(8000)  # so that the picture shows the step
+        if "SYNCWATCH_IMAGES" in os.environ:
+            page.wait_for_timeout(8000)  # so that the picture shows the step
         page.screenshot(path=pictures / "dashboard-rig.png")
     with visit(chromium, f"{address}rig?name=cart", phone=True, scheme="dark") as page:
         expect(word(page)).to_have_text("Out of sync")

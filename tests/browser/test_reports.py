@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import expect
 
+from pipeline.cli.app import app
 from tests.browser.conftest import visit
-from tests.programs import syncwatch
+from tests.programs import syncwatch, write_folders
 
 SUITE = """
 recordings:
@@ -22,7 +23,10 @@ detectors: {timestamp: {}}
 """
 
 
-@pytest.mark.parametrize(("scheme", "phone"), [("light", False), ("dark", True)])
+HOW = pytest.mark.parametrize(("scheme", "phone"), [("light", False), ("dark", True)])
+
+
+@HOW
 def test_the_report_of_an_evaluation_opens(chromium, tmp_path, scheme, phone):
     (tmp_path / "suite.yaml").write_text(SUITE)
     done = syncwatch("evaluate", "suite.yaml", "--report", "out", cwd=tmp_path)
@@ -30,3 +34,14 @@ def test_the_report_of_an_evaluation_opens(chromium, tmp_path, scheme, phone):
     with visit(chromium, (tmp_path / "out/index.html").as_uri(), scheme=scheme, phone=phone) as page:
         expect(page.locator("body")).to_contain_text("The second camera runs a frame ahead.")
         assert page.locator("svg").count() > 0
+
+
+@HOW
+@pytest.mark.skipif("report" not in app.commands, reason="there is no such command")
+def test_the_report_of_a_recording_opens(chromium, tmp_path, scheme, phone):
+    write_folders(tmp_path / "walk")
+    done = syncwatch("report", "walk", "-o", "page.html", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    with visit(chromium, (tmp_path / "page.html").as_uri(), scheme=scheme, phone=phone) as page:
+        expect(page.locator("body")).to_contain_text("walk")
+        assert page.locator("svg, img, canvas").count() > 0

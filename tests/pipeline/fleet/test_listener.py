@@ -121,6 +121,17 @@ def test_a_router_that_dies_is_said_and_nobody_is_called_gone_for_it(prefix):
     assert Presence.GONE not in seen
 
 
+def test_a_rig_that_listens_is_heard_without_a_router(prefix):
+    endpoint = free_endpoint()
+    sink = started(prefix, listen=[endpoint])
+    with FleetListener(ZenohSettings(prefix=prefix, mode="client", connect=[endpoint])) as listener:
+        wait_for(lambda: sink.take(status()) or presence(listener) is Presence.ALIVE)
+        sink.take(event(1))
+        wait_for(lambda: listener.fleet.rig("cart").status and listener.fleet.rig("cart").incidents)
+        sink.stop()
+        wait_for(lambda: presence(listener) is not Presence.ALIVE)
+
+
 def test_stopping_is_prompt_whether_or_not_anybody_is_there(prefix):
     for settings in ({}, {"mode": "client", "connect": [free_endpoint()]}):
         listener = FleetListener(ZenohSettings(prefix=prefix, **settings))
