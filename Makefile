@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help run test evaluate evaluate-full accuracy classic bench clean
+.PHONY: help run test test-browser images evaluate evaluate-full accuracy classic bench clean
 
 help:  ## what can be made
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "make %-13s %s\n", $$1, $$2}' Makefile
@@ -25,6 +25,13 @@ test: $(INSTALLED)  ## everything CI runs: style, types, tests
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest
+
+test-browser: $(INSTALLED)  ## the dashboard and the reports in a headless browser (installs chromium; as root)
+	@tests/browser/setup.sh
+	$(BIN)/pytest tests/browser
+
+images: $(INSTALLED)  ## renew the screenshots of the documentation
+	SYNCWATCH_IMAGES=docs/images $(BIN)/pytest tests/browser/test_dashboard.py -k field
 
 accuracy: $(INSTALLED)  ## measure the content offset against its goals, into docs/accuracy.md (a quarter of an hour)
 	$(BIN)/python -m benchmarks.accuracy

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import re
 import threading
 import time
 from collections import deque
@@ -12,8 +11,10 @@ from collections import deque
 import zenoh
 
 from pipeline.errors import InputError, RunError
+from pipeline.frame import Frame
 from pipeline.verdict import EVENT_SCHEMA, AlignedPair, Event, Message, Report, Status, Verdict
-from sinks.zenoh_session import EVENT_CACHE, Published, encoding
+from sinks.zenoh_preview import Previews
+from sinks.zenoh_session import EVENT_CACHE, JPEG, Published, encoding, first_words
 from sinks.zenoh_settings import RETRY_EVERY_S, ZenohSettings, is_key_chunk, session_config
 
 __all__ = ["ZenohSettings", "ZenohSink"]
@@ -29,7 +30,9 @@ NOBODY = "nobody answers there"
 
 
 class ZenohSink:
-    """Keys <prefix>/<rig>/status, /verdict/<pair>, /event and /alive; `get()` on <prefix>/<rig>/** answers the latest.
+    """Publishes status, verdict/<pair>, event and alive under <prefix>/<rig>, and preview/<camera> where it is wanted.
+
+    `get()` on <prefix>/<rig>/** answers the latest of each. Previews are small JPEGs, everything else is JSON.
 
     Events go through an advanced publisher: a subscriber of the same kind (zenoh.ext, with history, late publishers and
     heartbeat recovery) that comes late or is cut off gets every one of them, once and in order, whether it was the
@@ -52,13 +55,14 @@ class ZenohSink:
         self._rig = rig
         self._root = f"{settings.prefix}/{rig}"
         self._lock = threading.Lock()
-        self._latest: dict[str, tuple[str, str]] = {}
+        self._latest: dict[str, tuple[str | bytes, str]] = {}
         self._early_events: deque[Message] = deque(maxlen=EVENT_CACHE)
         self._lost_events = 0
         self._published: Published | None = None
         self._refused: RunError | None = None
         self._stopped = threading.Event()
         self._last_states: dict[str, str] = {}
+        self._previews = settings.preview and Previews(settings.preview)
         self._opener = threading.Thread(target=self._open_until_stopped, name="zenoh-open", daemon=True)
 
     def start(self) -> None:
@@ -67,7 +71,7 @@ class ZenohSink:
         while self._settings.required and self._refused is None and not self._is_reached():
             if time.monotonic() > deadline:
                 self._close(STOP_WITHIN_S)
-                raise RunError(f"zenoh: cannot reach {self._where()}: {error or NOBODY}")
+                raise RunError(f"zenoh: cannot reach {self._settings.where}: {error or NOBODY}")
             if self._published is None:
                 error = self._try_to_open()
             else:
@@ -75,7 +79,7 @@ class ZenohSink:
         if self._refused is not None:
             raise self._refused
         if not self._is_reached():
-            log.warning("zenoh: cannot reach %s yet, trying on (%s)", self._where(), error or NOBODY)
+            log.warning("zenoh: cannot reach %s yet, trying on (%s)", self._settings.where, error or NOBODY)
         if self._published is None:
             self._opener.start()
 
@@ -91,6 +95,15 @@ class ZenohSink:
             self._take_latest(f"{self._root}/aligned/{report.pair}", message)
         else:
             self._take_latest(f"{self._root}/verdict/{report.pair}", message, publish=self._wanted(report))
+
+    @property
+    def wants_frames(self) -> bool:
+        return self._previews is not None
+
+    def take_frame(self, frame: Frame) -> None:
+        jpeg = self._previews and self._previews.take(frame, time.monotonic_ns())
+        if jpeg:
+            self._put_latest(f"{self._root}/preview/{frame.camera}", jpeg, JPEG)
 
     def stop(self) -> None:
         deadline = time.monotonic() + STOP_WITHIN_S
@@ -133,32 +146,33 @@ class ZenohSink:
         self._published.event(message)
 
     def _take_latest(self, key: str, message: Message, *, publish: bool = True) -> None:
-        text = json.dumps(message)
-        schema = str(message["schema"])
+        self._put_latest(key, json.dumps(message), str(message["schema"]), publish=publish)
+
+    def _put_latest(self, key: str, payload: str | bytes, schema: str, *, publish: bool = True) -> None:
         with self._lock:
-            self._latest[key] = (text, schema)
+            self._latest[key] = (payload, schema)
             published = self._published
         if published is not None and publish:
-            published.put(key, text, schema)
+            published.put(key, payload, schema)
 
     def _open_until_stopped(self) -> None:
         while not self._stopped.is_set() and self._published is None and self._refused is None:
             self._try_to_open()
             self._stopped.wait(RETRY_EVERY_S)
         if self._published is not None:
-            log.info("zenoh: connected to %s", self._where())
+            log.info("zenoh: connected to %s", self._settings.where)
 
     def _try_to_open(self) -> str:
         """Opens the session and publishes what has waited; returns what went wrong, if anything."""
         try:
             session = zenoh.open(session_config(self._settings))
         except zenoh.ZError as error:
-            return _first_words(error)
+            return first_words(error)
         try:
             return self._publish_from(session)
         except zenoh.ZError as error:  # what was open may be gone again
             session.close()
-            return _first_words(error)
+            return first_words(error)
 
     def _publish_from(self, session: zenoh.Session) -> str:
         if _is_taken(session, f"{self._root}/alive"):
@@ -176,9 +190,9 @@ class ZenohSink:
             for message in self._early_events:
                 published.event(message)
             self._early_events.clear()
-            for key, (text, schema) in self._latest.items():
+            for key, (payload, schema) in self._latest.items():
                 if schema != EVENT_SCHEMA:
-                    published.put(key, text, schema)
+                    published.put(key, payload, schema)
             self._published = published
         return ""
 
@@ -187,20 +201,9 @@ class ZenohSink:
         with self._lock:
             latest = dict(self._latest)
         with query:
-            for key, (text, schema) in latest.items():
+            for key, (payload, schema) in latest.items():
                 if query.key_expr.intersects(zenoh.KeyExpr(key)):
-                    query.reply(key, text, encoding=encoding(schema))
-
-    def _where(self) -> str:
-        return ", ".join(self._settings.connect or self._settings.listen) or "the local network"
-
-
-SOURCE_PLACE = re.compile(r"\.? at /\S+\.rs:\d+\.?")
-
-
-def _first_words(error: zenoh.ZError) -> str:
-    """What went wrong, without the places in Zenoh's own source."""
-    return SOURCE_PLACE.sub("", str(error).splitlines()[0])
+                    query.reply(key, payload, encoding=encoding(schema))
 
 
 def _is_taken(session: zenoh.Session, key: str) -> bool:

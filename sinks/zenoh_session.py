@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -24,15 +25,33 @@ HEARTBEAT_S = 0.5
 ANSWER_EVERY_S = 0.02
 QUERIES_WAITING = 256
 
+JPEG = "image/jpeg"
+"""Stands where other messages have the name of their schema."""
+
 CONGESTION = {
     STATUS_SCHEMA: zenoh.CongestionControl.BLOCK,
     VERDICT_SCHEMA: zenoh.CongestionControl.DROP,
     ALIGNED_SCHEMA: zenoh.CongestionControl.DROP,
+    JPEG: zenoh.CongestionControl.DROP,
 }
 
 
+SOURCE_PLACE = re.compile(r"\.? at /\S+\.rs:\d+\.?")
+
+
+def first_words(error: zenoh.ZError) -> str:
+    """What went wrong, without the places in Zenoh's own source."""
+    return SOURCE_PLACE.sub("", str(error).splitlines()[0])
+
+
+def is_linked(session: zenoh.Session) -> bool:
+    """Whether anybody is at the other end of the session."""
+    return bool(session.info.routers_zid() or session.info.peers_zid())
+
+
 def encoding(schema: str) -> zenoh.Encoding:
-    made: zenoh.Encoding = zenoh.Encoding.APPLICATION_JSON.with_schema(schema)
+    json_encoding = zenoh.Encoding.APPLICATION_JSON
+    made: zenoh.Encoding = zenoh.Encoding.IMAGE_JPEG if schema == JPEG else json_encoding.with_schema(schema)
     return made
 
 
@@ -66,18 +85,23 @@ class Published:
         self._answerer.start()
 
     def is_connected(self) -> bool:
-        return bool(self._session.info.routers_zid() or self._session.info.peers_zid())
+        return is_linked(self._session)
 
     def event(self, message: Message) -> None:
         self._events.put(json.dumps(message))
 
-    def put(self, key: str, text: str, schema: str) -> None:
+    def put(self, key: str, payload: str | bytes, schema: str) -> None:
+        """Publishes; pictures behind everything else, so that they hold nothing up."""
         publisher = self._publishers.get(key)
         if publisher is None:
-            control = CONGESTION[schema]
-            publisher = self._session.declare_publisher(key, encoding=encoding(schema), congestion_control=control)
+            publisher = self._session.declare_publisher(
+                key,
+                encoding=encoding(schema),
+                congestion_control=CONGESTION[schema],
+                priority=zenoh.Priority.DATA_LOW if schema == JPEG else zenoh.Priority.DEFAULT,
+            )
             self._publishers[key] = publisher
-        publisher.put(text)
+        publisher.put(payload)
 
     def close(self) -> None:
         self._closing.set()

@@ -10,6 +10,7 @@ import zenoh
 from pydantic import AfterValidator, model_validator
 
 from pipeline.settings import Settings
+from sinks.zenoh_preview import PreviewSettings
 
 RETRY = {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 1.5}
 """Reconnecting starts quickly and stays gentle on a router that comes back to many rigs."""
@@ -53,6 +54,7 @@ class ZenohSettings(Settings):
     machine can hear.
     required: end the run when nothing can be reached at the start.
     verdicts: publish all of them, those that differ in state from the one before, or none.
+    preview: publish small pictures of the cameras, too.
     """
 
     type: Literal["zenoh"] = "zenoh"
@@ -62,6 +64,12 @@ class ZenohSettings(Settings):
     listen: tuple[Endpoint, ...] = ()
     required: bool = False
     verdicts: Literal["all", "changes", "none"] = "all"
+    preview: PreviewSettings | None = None
+
+    @property
+    def where(self) -> str:
+        """Where others are looked for, for people."""
+        return ", ".join(self.connect or self.listen) or "the local network"
 
     @model_validator(mode="after")
     def _client_has_a_router(self) -> ZenohSettings:

@@ -44,6 +44,11 @@ def test_every_module_of_the_checkout_is_in_it(unpacked):
         assert inside == {path.relative_to(ROOT) for path in (ROOT / top).rglob("*.py")}
 
 
+def test_the_page_of_the_dashboard_is_in_it(unpacked):
+    web = "pipeline/dashboard/web"
+    assert {file.name for file in (unpacked / web).iterdir()} == {file.name for file in (ROOT / web).iterdir()}
+
+
 def test_its_command_runs_from_elsewhere_with_the_shipped_configuration(unpacked, tmp_path):
     where = run(unpacked, tmp_path, "-c", "import pipeline; print(pipeline.__file__)")
     assert where.stdout.startswith(str(unpacked))

@@ -12,6 +12,7 @@ from pipeline.assemble import version
 from pipeline.cli.check import check
 from pipeline.cli.common import BAD_INPUT, FAILED, report, set_up_logging
 from pipeline.cli.configure import init, schema, validate
+from pipeline.cli.dashboard import dashboard
 from pipeline.cli.evaluate import evaluate
 from pipeline.cli.record import record
 from pipeline.cli.repair import repair
@@ -38,7 +39,20 @@ def app(verbose: bool) -> None:
     set_up_logging(verbose=verbose)
 
 
-for command in (run, replay, check, record, repair, evaluate, validate, init, schema, selftest, report_command):
+for command in (
+    run,
+    replay,
+    check,
+    record,
+    repair,
+    evaluate,
+    validate,
+    init,
+    schema,
+    selftest,
+    report_command,
+    dashboard,
+):
     app.add_command(command)
 
 

@@ -7,7 +7,7 @@ import uuid
 
 import pytest
 
-from pipeline.verdict import AlignedPair, Basis, Cause, Event, Level, Sink, State, Status, Verdict
+from pipeline.verdict import AlignedPair, Basis, Cause, Event, FrameSink, Level, Sink, State, Status, Verdict
 from sinks.console import ConsoleSettings, ConsoleSink
 from sinks.jsonl import JsonlSettings, JsonlSink
 from sinks.mcap.settings import McapSettings
@@ -34,15 +34,18 @@ def make(kind: str, folder) -> Sink:
         return ConsoleSink(settings, stream=io.StringIO(), rig=RIG, frame_count=10)
     if kind == "jsonl":
         return JsonlSink(JsonlSettings(path="out.jsonl", what=("verdict", "event", "status", "aligned")), base=folder)
-    if kind == "zenoh":
-        return ZenohSink(ZenohSettings(prefix=f"test/{uuid.uuid4().hex[:8]}"), rig="bench")
+    if kind.startswith("zenoh"):
+        preview = {"every_s": 0.1} if kind == "zenoh-preview" else None
+        return ZenohSink(ZenohSettings(prefix=f"test/{uuid.uuid4().hex[:8]}", preview=preview), rig="bench")
     if kind == "mcap":
         settings = McapSettings(path="out.mcap")
         return McapSink(settings, base=folder, rig=RIG, detectors=["offset"], version="0", live=False)
     return ListSink()
 
 
-@pytest.fixture(params=["console-live", "console-classic", "console-progress", "jsonl", "mcap", "zenoh", "list"])
+@pytest.fixture(
+    params=["console-live", "console-classic", "console-progress", "jsonl", "mcap", "zenoh", "zenoh-preview", "list"]
+)
 def sink(request, tmp_path) -> Sink:
     return make(request.param, tmp_path)
 
@@ -51,6 +54,8 @@ def test_it_takes_every_kind_of_report(sink):
     sink.start()
     for report in REPORTS * 3:
         sink.take(report)
+        if isinstance(sink, FrameSink) and sink.wants_frames:
+            sink.take_frame(frame("left", 1))
     sink.stop()
 
 

@@ -11,13 +11,17 @@ import uuid
 from collections.abc import Iterator
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 import zenoh
 from pydantic import ValidationError
 
 from pipeline.errors import InputError, RunError
+from pipeline.frame import Frame
 from pipeline.verdict import Basis, Cause, Event, Level, State, Status, Verdict
 from sinks.zenoh import ZenohSettings, ZenohSink
+from sinks.zenoh_preview import Previews, PreviewSettings
 from tests.network import free_endpoint, subscriber, wait_for
 from tests.programs import ROOT
 
@@ -110,6 +114,36 @@ def test_get_answers_the_latest_of_each(sink, prefix):
     assert answers[f"{prefix}/cart/verdict/a-b"]["frame"] == 2
     assert answers[f"{prefix}/cart/event"]["id"] == "x-2"
     assert len(answers) == 3
+
+
+def test_small_pictures_are_published_where_they_are_wanted_and_answered_to_get(prefix):
+    sink = ZenohSink(ZenohSettings(prefix=prefix, preview={"every_s": 0.1, "width": 64}), rig="cart")
+    assert sink.wants_frames
+    sink.start()
+    image = np.random.default_rng(1).integers(0, 255, (240, 320, 3), np.uint8)
+    with zenoh.open(local()) as session:
+        heard = Heard(session.declare_subscriber(f"{prefix}/cart/preview/*"))
+        wait_for(lambda: sink.take_frame(Frame("left", 1, 0, "rig", 0, image)) or heard.samples())
+        sample = heard.samples()[0]
+        assert (str(sample.key_expr), str(sample.encoding)) == (f"{prefix}/cart/preview/left", "image/jpeg")
+        picture = cv2.imdecode(np.frombuffer(sample.payload.to_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+        assert picture.shape == (48, 64, 3)
+        (answer,) = session.get(f"{prefix}/cart/**", timeout=1.0)
+        assert answer.ok.payload.to_bytes()[:3] == b"\xff\xd8\xff"
+    sink.stop()
+
+
+def test_pictures_come_no_more_often_than_asked_for_and_are_never_enlarged():
+    previews = Previews(PreviewSettings(every_s=1))
+    frames = {side: Frame(side, 1, 0, "rig", 0, np.zeros((10, 20), np.uint8)) for side in ("left", "right")}
+    made = [previews.take(frames["left"], at_ns) for at_ns in range(0, 3_000_000_000, 100_000_000)]
+    assert [n for n, jpeg in enumerate(made) if jpeg] == [0, 10, 20]
+    assert previews.take(frames["right"], 50_000_000)
+    assert cv2.imdecode(np.frombuffer(made[0], np.uint8), cv2.IMREAD_UNCHANGED).shape == (10, 20)
+
+
+def test_frames_are_not_asked_for_without_previews():
+    assert not ZenohSink(ZenohSettings(), rig="cart").wants_frames
 
 
 def test_get_answers_the_latest_verdict_even_if_it_was_not_published(prefix):

@@ -1,0 +1,1 @@
+"""A web page with all rigs on the network."""

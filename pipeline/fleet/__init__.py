@@ -1,0 +1,1 @@
+"""All rigs that are published over Zenoh, as one listener hears them."""

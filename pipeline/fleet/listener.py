@@ -1,0 +1,177 @@
+"""Hears all rigs under a prefix over Zenoh and keeps a table of them."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from pipeline.fleet.messages import HeardEvent, HeardStatus, HeardVerdict, read
+from pipeline.fleet.table import MAX_EVENTS, Fleet
+from sinks.zenoh_session import first_words, is_linked
+from sinks.zenoh_settings import RETRY_EVERY_S, ZenohSettings, session_config
+
+log = logging.getLogger("syncwatch.fleet")
+
+POLL_S = 0.05
+STOP_WITHIN_S = 1.5
+
+WAITING = 4096
+"""Messages of a kind that may wait between two polls. Of statuses, verdicts and pictures the oldest give way to more;
+events and tokens hold Zenoh up for the moment until the next poll."""
+
+PICTURES_WAITING = 256
+MAX_PICTURE_BYTES = 1 << 20
+JPEG_START = b"\xff\xd8\xff"
+
+MAX_COMPLAINTS = 100
+
+
+class FleetListener:
+    """Listens on a thread of its own from `start` to `stop`, and connects again whenever it is cut off.
+
+    `fleet` is the table; `problem` says in words why nothing can be heard, None while something can. previews: hear
+    the cameras' small pictures as well. Nothing of it raises for the network's sake. Zenoh's handlers are polled:
+    Python callbacks on its threads can keep the program from ending.
+    """
+
+    def __init__(
+        self,
+        settings: ZenohSettings,
+        *,
+        previews: bool = False,
+        monotonic_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self.fleet = Fleet(monotonic_ns)
+        self.problem: str | None = f"connecting to {settings.where}"
+        self.settings = settings
+        self._previews = previews
+        self._stopping = threading.Event()
+        self._complained: set[str] = set()
+        self._thread = threading.Thread(target=self._listen, name="fleet", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends listening, within STOP_WITHIN_S even where a router hangs."""
+        self._stopping.set()
+        self._thread.join(STOP_WITHIN_S)
+
+    def __enter__(self) -> FleetListener:
+        self.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.stop()
+
+    def _listen(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                with ExitStack() as opened:
+                    self._hear(self._open(opened))
+            except zenoh.ZError as error:
+                self._cut_off(f"cannot reach {self.settings.where}: {first_words(error)}")
+            self._stopping.wait(RETRY_EVERY_S)
+
+    def _open(self, opened: ExitStack) -> _Ears:
+        session = opened.enter_context(zenoh.open(session_config(self.settings)))
+        return _Ears(session, opened, self.settings.prefix, previews=self._previews)
+
+    def _hear(self, ears: _Ears) -> None:
+        while not self._stopping.wait(POLL_S) and not ears.session.is_closed():
+            if self.settings.connect and not is_linked(ears.session):
+                self._cut_off(f"nobody answers at {self.settings.where}")
+            elif self.problem is not None:
+                log.debug("connected to %s", self.settings.where)
+                self.problem, self.fleet.connected = None, True
+            for suffix, samples in ears.each():
+                self._take(suffix, samples)
+
+    def _cut_off(self, problem: str) -> None:
+        if self.problem != problem:
+            log.debug("%s", problem)
+        self.problem, self.fleet.connected = problem, False
+
+    def _take(self, suffix: str, samples: Any) -> None:
+        for _ in range(WAITING):
+            if self._stopping.is_set() or (sample := samples.try_recv()) is None:
+                return
+            key = str(sample.key_expr)
+            below = key.removeprefix(self.settings.prefix).strip("/")
+            try:
+                self._take_one(suffix, below, sample)
+            except ValueError as error:
+                self._complain(key, error)
+
+    def _take_one(self, suffix: str, below: str, sample: zenoh.Sample) -> None:
+        """Raises ValueError for a message that is not what its key promises."""
+        name, _, part = below.rpartition("/")
+        if suffix in {"verdict", "preview"}:
+            name = name.rpartition("/")[0]
+        if not name:
+            return
+        if suffix == "alive":
+            self.fleet.hear_alive(name, here=sample.kind == zenoh.SampleKind.PUT)
+        elif sample.kind != zenoh.SampleKind.PUT:
+            return
+        elif suffix == "status":
+            self.fleet.hear_status(name, read(sample.payload.to_bytes(), HeardStatus))
+        elif suffix == "event":
+            self.fleet.hear_event(name, read(sample.payload.to_bytes(), HeardEvent))
+        elif suffix == "verdict":
+            self.fleet.hear_verdict(name, part, read(sample.payload.to_bytes(), HeardVerdict))
+        else:
+            self.fleet.hear_preview(name, part, _picture(sample.payload.to_bytes()))
+
+    def _complain(self, key: str, error: ValueError) -> None:
+        """Once a key; what somebody else publishes there is not ours to fill a log with."""
+        if key in self._complained or len(self._complained) >= MAX_COMPLAINTS:
+            return
+        self._complained.add(key)
+        log.warning("%s: a message that cannot be read is left out: %s", key, str(error).splitlines()[0])
+
+
+class _Ears:
+    """Everything that is declared on a session to hear rigs."""
+
+    def __init__(self, session: zenoh.Session, opened: ExitStack, prefix: str, *, previews: bool) -> None:
+        self.session = session
+        self._handlers: dict[str, Any] = {}
+        hear = opened.enter_context
+        self._handlers["alive"] = hear(
+            session.liveliness().declare_subscriber(
+                f"{prefix}/**/alive", zenoh.handlers.FifoChannel(WAITING), history=True
+            )
+        )
+        self._handlers["event"] = zenoh.ext.declare_advanced_subscriber(
+            session,
+            f"{prefix}/**/event",
+            zenoh.handlers.FifoChannel(WAITING),
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=2 * MAX_EVENTS),
+            recovery=zenoh.ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
+        )
+        latest = {"status": ("status", WAITING), "verdict": ("verdict/*", WAITING)}
+        if previews:
+            latest["preview"] = ("preview/*", PICTURES_WAITING)
+        for suffix, (keys, waiting) in latest.items():
+            ring = zenoh.handlers.RingChannel(waiting)
+            self._handlers[suffix] = hear(session.declare_subscriber(f"{prefix}/**/{keys}", ring))
+
+    def each(self) -> list[tuple[str, Any]]:
+        """What ends the keys of each kind, and where its messages wait; tokens first."""
+        return list(self._handlers.items())
+
+
+def _picture(payload: bytes) -> bytes:
+    """Raises ValueError."""
+    if len(payload) > MAX_PICTURE_BYTES or not payload.startswith(JPEG_START):
+        raise ValueError(f"{len(payload)} bytes that are no small JPEG")
+    return payload
