@@ -226,6 +226,7 @@ class Run:
             except Exception as error:  # a user's own detector may raise anything
                 raise explained(f"detector '{name}' failed at window {window.index}", error) from error
         verdicts = parts.judge.judge(window, evidence, observation)
+        parts.status.judged(window)
         self._tell(verdicts, [*parts.conditions.observe(observation), *self._geometry_events(window, verdicts)])
         if parts.aligner is not None:
             self._report_all(parts.aligner.take(window, verdicts))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from pipeline.frame import NS_PER_S, Rig
+from pipeline.frame import NS_PER_S, Rig, Window
 from pipeline.health.camera import CameraReport
+from pipeline.memory import resident_bytes
+from pipeline.notes import Note
 from pipeline.pairing import Counters
+from pipeline.quantiles import LastMinute
 from pipeline.steady import CONFIRM, Steady
 from pipeline.verdict import CameraStatus, Level, Pace, PairStatus, State, Status, Verdict
 from pipeline.words import describe
@@ -26,12 +29,14 @@ class _PairState:
     verdicts: int = 0
     decided: int = 0
     latest: Verdict | None = None
+    skew: LastMinute = field(default_factory=LastMinute)
 
 
 class StatusKeeper:
     """Follows windows and verdicts; `status` says how things stand.
 
-    wall_ns: the time of day in nanoseconds since 1970; monotonic_ns: a clock that never steps.
+    wall_ns: the time of day in nanoseconds since 1970. monotonic_ns: the host's clock that never steps, by which
+    frames arrive.
     """
 
     def __init__(
@@ -52,17 +57,27 @@ class StatusKeeper:
         self._started_ns = self._heard_ns = monotonic_ns()
         self._stale_ns = max(STALE_NS, STALE_PERIODS * max(camera.period_ns for camera in rig.cameras))
         self._pairs = {pair.name: _PairState(wall_ns(), Steady(confirm)) for pair in rig.pairs}
+        self._latency = LastMinute()
 
     def hear(self) -> None:
         """Takes note that a window has come."""
         self._heard_ns = self._monotonic_ns()
+
+    def judged(self, window: Window) -> None:
+        """Takes note that the verdicts of a window are there: its latency counts from its last frame's arrival."""
+        now_ns = self._monotonic_ns()
+        arrived = [triple.current.arrived_ns for triple in window.cameras.values() if triple.current is not None]
+        self._latency.add(max(0, now_ns - max(arrived)), now_ns)
 
     def add(self, verdict: Verdict) -> bool:
         """Takes note of a verdict; says whether the pair's lasting state, or its cause, has changed with it."""
         pair = self._pairs[verdict.pair]
         pair.latest = verdict
         pair.verdicts += 1
-        pair.decided += verdict.state is not State.UNKNOWN
+        if verdict.state is not State.UNKNOWN:
+            pair.decided += 1
+            if verdict.offset_ns is not None:
+                pair.skew.add(abs(verdict.offset_ns), self._monotonic_ns())
         change = pair.steady.add(verdict, self._wall_ns())
         if change is not None:
             pair.since_ns = change.since_ns
@@ -89,13 +104,15 @@ class StatusKeeper:
             at_ns=self._wall_ns(),
             level=level,
             reasons=reasons,
-            pairs={name: _pair_status(pair) for name, pair in self._pairs.items()},
+            pairs={name: _pair_status(pair, now_ns) for name, pair in self._pairs.items()},
             cameras={
                 camera.name: _camera_status(health[camera.name], counters, camera.name) for camera in self._rig.cameras
             },
             version=self._version,
             uptime_s=(now_ns - self._started_ns) / NS_PER_S,
             dropped_windows=dropped_windows,
+            latency_p99_ns=self._latency.quantile(0.99, now_ns),
+            memory_bytes=resident_bytes(),
         )
 
     def _level(self, warnings: Sequence[str]) -> tuple[Level, tuple[str, ...]]:
@@ -126,7 +143,7 @@ def _complaint(pair: _PairState) -> str:
     return f"{pair.alarm.pair}: {describe(pair.alarm)}{cause}{since}"
 
 
-def _pair_status(pair: _PairState) -> PairStatus:
+def _pair_status(pair: _PairState, now_ns: int) -> PairStatus:
     shown = pair.shown
     return PairStatus(
         state=shown.state if shown else State.UNKNOWN,
@@ -136,6 +153,8 @@ def _pair_status(pair: _PairState) -> PairStatus:
         sigma_ns=shown.sigma_ns if shown else None,
         coverage=pair.decided / pair.verdicts if pair.verdicts else 0.0,
         drift=pair.latest.drift if pair.latest else Pace(),
+        skew_p50_ns=pair.skew.quantile(0.5, now_ns),
+        skew_p99_ns=pair.skew.quantile(0.99, now_ns),
     )
 
 
@@ -151,4 +170,8 @@ def _camera_status(health: CameraReport, counters: Counters, name: str) -> Camer
         jitter_p50_ns=health.jitter_p50_ns,
         jitter_p99_ns=health.jitter_p99_ns,
         conditions=tuple(note.value for note in health.notes),
+        stalls=health.stalls,
+        frozen=Note.FROZEN in health.notes,
+        clock=health.clock,
+        epoch=health.epoch,
     )

@@ -3,70 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from enum import Enum
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
+
+from pipeline.rig_status import CameraStatus, PairStatus, Status
+from pipeline.terms import (
+    ALIGNED_SCHEMA,
+    EVENT_SCHEMA,
+    STATUS_SCHEMA,
+    VERDICT_SCHEMA,
+    Basis,
+    Cause,
+    Level,
+    Message,
+    Pace,
+    Reason,
+    State,
+    ms,
+    rounded,
+)
 
 if TYPE_CHECKING:
     from pipeline.frame import Frame
 
-Message: TypeAlias = dict[str, Any]
-"""A JSON object with a `schema` member."""
-
-VERDICT_SCHEMA = "syncwatch.verdict.v1"
-EVENT_SCHEMA = "syncwatch.event.v1"
-STATUS_SCHEMA = "syncwatch.status.v1"
-ALIGNED_SCHEMA = "syncwatch.aligned.v1"
-
-
-class State(str, Enum):
-    """Were the frames of a pair taken together?"""
-
-    SYNC = "sync"
-    ASYNC = "async"
-    UNKNOWN = "unknown"
-
-
-class Basis(str, Enum):
-    """What a judgement rests on."""
-
-    CONTENT = "content"
-    TIMESTAMPS = "timestamps"
-    NONE = "none"
-
-
-class Cause(str, Enum):
-    """Why a pair is out of sync (words.py says it to people)."""
-
-    SLIP = "slip"
-    PHASE = "phase"
-    STAMPS_LIE = "stamps_lie"
-    FREE_RUN = "free_run"
-    FROZEN = "frozen"
-    MISSING = "missing"
-
-
-class Reason(str, Enum):
-    """Why nothing can be said of a pair (words.py says it to people)."""
-
-    NO_MOTION = "no_motion"
-    NO_OVERLAP = "no_overlap"
-    NO_TEXTURE = "no_texture"
-    DARK = "dark"
-    WARMING_UP = "warming_up"
-    UNPAIRED = "unpaired"
-    WIDE_ERROR = "wide_error"
-    STAMPS_DISPROVED = "stamps_disproved"
-    NO_EVIDENCE = "no_evidence"
-
-
-class Level(str, Enum):
-    """The state of a whole rig, for lamps and pagers."""
-
-    OK = "ok"
-    WARN = "warn"
-    ERROR = "error"
-    STALE = "stale"
+__all__ = [
+    "ALIGNED_SCHEMA",
+    "EVENT_SCHEMA",
+    "STATUS_SCHEMA",
+    "VERDICT_SCHEMA",
+    "AlignedPair",
+    "Basis",
+    "CameraStatus",
+    "Cause",
+    "Event",
+    "Evidence",
+    "Level",
+    "Message",
+    "Pace",
+    "PairStatus",
+    "PairTruth",
+    "RangeError",
+    "Reason",
+    "Report",
+    "Sink",
+    "State",
+    "Status",
+    "Verdict",
+    "ms",
+    "rounded",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,23 +98,6 @@ class PairTruth:
     state: State
     faults: tuple[str, ...] = ()
     assumed: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Pace:
-    """How fast the offset of a pair grows, as stamps and as pictures have it: ppm, 1 ppm = 1 us a second.
-
-    Positive: the second camera falls ever further behind. sigma: one standard error. None: not known yet, or no drift
-    that is more than chance.
-    """
-
-    stamps_ppm: float | None = None
-    stamps_sigma_ppm: float | None = None
-    pictures_ppm: float | None = None
-    pictures_sigma_ppm: float | None = None
-
-    def to_json(self) -> Message:
-        return {name: rounded(value, 3) for name, value in asdict(self).items()}
 
 
 class RangeError(Protocol):
@@ -257,95 +225,6 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
-class PairStatus:
-    """The current state of a pair; coverage is the share of its frames that could be decided."""
-
-    state: State
-    cause: Cause | None
-    since_ns: int
-    offset_ns: int | None
-    sigma_ns: int | None
-    coverage: float
-    drift: Pace = field(default_factory=Pace)
-
-    def to_json(self) -> Message:
-        return {
-            "state": self.state.value,
-            "cause": self.cause and self.cause.value,
-            "since_ns": self.since_ns,
-            "offset_ms": ms(self.offset_ns),
-            "offset_sigma_ms": ms(self.sigma_ns),
-            "coverage": rounded(self.coverage),
-            "drift": self.drift.to_json(),
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class CameraStatus:
-    """The current state of a camera.
-
-    fps: measured on its stamps, None before these tell it or where they are made up. drops: frames lost, by counter or
-    by time. unpaired: slots it did not fill. jitter: how far intervals are off the period. conditions: that last.
-    """
-
-    fps: float | None
-    expected_fps: float
-    frames: int
-    drops: int
-    unpaired: int = 0
-    duplicates: int = 0
-    restarts: int = 0
-    jitter_p50_ns: int | None = None
-    jitter_p99_ns: int | None = None
-    conditions: tuple[str, ...] = ()
-
-    def to_json(self) -> Message:
-        return {
-            "fps": rounded(self.fps, 3),
-            "expected_fps": self.expected_fps,
-            "frames": self.frames,
-            "drops": self.drops,
-            "unpaired": self.unpaired,
-            "duplicates": self.duplicates,
-            "restarts": self.restarts,
-            "jitter_p50_ms": ms(self.jitter_p50_ns),
-            "jitter_p99_ms": ms(self.jitter_p99_ns),
-            "conditions": list(self.conditions),
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class Status:
-    """The rolled-up state of a rig, once a second and on every change of state."""
-
-    rig: str
-    at_ns: int
-    level: Level
-    reasons: tuple[str, ...]
-    pairs: Mapping[str, PairStatus]
-    cameras: Mapping[str, CameraStatus]
-    version: str
-    uptime_s: float
-    dropped_windows: int
-
-    def to_message(self) -> Message:
-        return {
-            "schema": STATUS_SCHEMA,
-            "rig": self.rig,
-            "at_ns": self.at_ns,
-            "level": self.level.value,
-            "reasons": list(self.reasons),
-            "pairs": {name: pair.to_json() for name, pair in self.pairs.items()},
-            "cameras": {name: camera.to_json() for name, camera in self.cameras.items()},
-            "monitor": {
-                "version": self.version,
-                "uptime_s": rounded(self.uptime_s, 3),
-                "dropped_windows": self.dropped_windows,
-            },
-        }
-
-
-@dataclass(frozen=True, slots=True)
 class AlignedPair:
     """Two frames that belong together after whole frames were put right.
 
@@ -416,12 +295,3 @@ class FrameSink(Protocol):
     def wants_frames(self) -> bool: ...
 
     def take_frame(self, frame: Frame) -> None: ...
-
-
-def ms(value_ns: int | None) -> float | None:
-    """Nanoseconds to milliseconds, to the microsecond."""
-    return None if value_ns is None else round(value_ns / 1e6, 3)
-
-
-def rounded(value: float | None, digits: int = 4) -> float | None:
-    return None if value is None else round(float(value), digits)

@@ -38,7 +38,8 @@ class CameraReport:
     drops_by_sequence, drops_by_time: frames lost with and without a gap in ids. duplicates: frames delivered twice.
     out_of_order: frames older than the one before. counter_resets: wraps and sets. restarts: of device or clock.
     jitter_p50_ns, jitter_p99_ns: how far intervals are off the period, over the last thousand.
-    sharpness_ratio: against what is usual for the camera. notes: the lasting conditions that hold now.
+    sharpness_ratio: against what is usual for the camera. stalls: silences of more than three periods. clock, epoch:
+    of the last frame. notes: the lasting conditions that hold now.
     """
 
     camera: str
@@ -56,6 +57,9 @@ class CameraReport:
     jitter_p50_ns: int | None
     jitter_p99_ns: int | None
     sharpness_ratio: float | None
+    stalls: int
+    clock: str | None
+    epoch: int | None
     notes: tuple[Note, ...]
 
     @property
@@ -86,6 +90,7 @@ class _Counts:
     out_of_order: int = 0
     counter_resets: int = 0
     restarts: int = 0
+    stalls: int = 0
 
 
 class CameraHealth:
@@ -146,6 +151,7 @@ class CameraHealth:
         A period of it is no fault: missing is told before three periods and half a second are over for the next frame.
         """
         overdue_ns = round(OVERDUE_PERIODS * self.period_ns)
+        self._counts.stalls += self._silence is None and silence_ns > overdue_ns
         if silence_ns > overdue_ns + MISSING_NS - round(self.period_ns):
             self._silence = Note.MISSING
         elif silence_ns > overdue_ns and self._silence is None:
@@ -183,6 +189,9 @@ class CameraHealth:
             jitter_p50_ns=self._cadence.jitter_ns(50),
             jitter_p99_ns=self._cadence.jitter_ns(99),
             sharpness_ratio=self.sight.sharpness_ratio,
+            stalls=counts.stalls,
+            clock=self._last.clock if self._last else None,
+            epoch=self._last.epoch if self._last else None,
             notes=self.lasting(),
         )
 
