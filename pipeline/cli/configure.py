@@ -14,6 +14,7 @@ from pipeline.errors import InputError
 from pipeline.faults.base import FaultSettings
 from pipeline.frame import NS_PER_MS
 from pipeline.judge import Judge
+from pipeline.messages import SHAPES, message_schema
 from pipeline.plan import Chosen, Plan
 from pipeline.schema import config_schema
 
@@ -44,18 +45,19 @@ def init(path: str) -> None:
     _write(file, shipped_config())
     schema_file = file.with_name(SCHEMA_NAME)
     if not schema_file.exists():
-        _write(schema_file, _schema_text())
+        _write(schema_file, _schema_text("config"))
     click.echo(f"{file}: written; run it with: syncwatch run {file}")
 
 
 @click.command()
-def schema() -> None:
-    """Print the JSON schema of a configuration, for editors."""
-    click.echo(_schema_text(), nl=False)
+@click.argument("what", type=click.Choice(["config", *SHAPES]), default="config")
+def schema(what: str) -> None:
+    """Print the JSON schema of a configuration, for editors, or of a kind of message, for those who read them."""
+    click.echo(_schema_text(what), nl=False)
 
 
-def _schema_text() -> str:
-    return json.dumps(config_schema(KINDS), indent=2) + "\n"
+def _schema_text(what: str) -> str:
+    return json.dumps(config_schema(KINDS) if what == "config" else message_schema(what), indent=2) + "\n"
 
 
 def _write(file: Path, text: str) -> None:

@@ -1,0 +1,250 @@
+"""The shape of every message that is published, from which its JSON schema is made."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic.json_schema import GenerateJsonSchema
+
+from pipeline.terms import Basis, Cause, Level, Reason, State
+
+NonNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Count = Annotated[int, Field(ge=0)]
+WallClock = Annotated[int, Field(ge=0, description="nanoseconds since 1970, UTC")]
+
+
+class Shape(BaseModel):
+    """A JSON object, all of whose members are always there unless they have a default.
+
+    Later versions may add members without a new schema name: readers ignore what they do not know.
+    """
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+
+class PaceShape(Shape):
+    """How fast the offset of a pair grows; positive: the second camera falls ever further behind."""
+
+    stamps_ppm: float | None
+    stamps_sigma_ppm: NonNegative | None
+    pictures_ppm: float | None
+    pictures_sigma_ppm: NonNegative | None
+
+
+class RangeErrorShape(Shape):
+    """Between which ranges an object at depth_m, moving sideways at speed_m_s, is seen."""
+
+    depth_m: float
+    speed_m_s: float
+    low_m: float
+    low_percent: float
+    high_m: float | None
+    """null: no range is too large."""
+    high_percent: float | None
+    disparity_px: float | None
+
+
+class ContentShape(Shape):
+    """The best evidence of the pictures."""
+
+    detector: str
+    state: State
+    offset_frames: float | None
+    sigma_frames: NonNegative | None
+    motion_px: float | None
+    reason: str
+
+
+class EvidenceShape(Shape):
+    """What one detector says."""
+
+    state: State
+    offset_ms: float | None
+    sigma_ms: NonNegative | None
+    offset_frames: float | None
+    sigma_frames: NonNegative | None
+    reason: str
+    numbers: dict[str, float | None]
+
+
+class ExposureShape(Shape):
+    """What stamps say of the exposures, second camera less first."""
+
+    start_ms: float | None
+    middle_ms: float | None
+
+
+class VerdictShape(Shape):
+    """What the judge says of a pair at one frame of its first camera."""
+
+    model_config = ConfigDict(title="syncwatch.verdict.v1")
+
+    of: Literal["syncwatch.verdict.v1"] = Field(alias="schema")
+    rig: str
+    pair: str
+    frame: Count | None
+    """Counts the first camera's frames from 0; null while that camera is silent."""
+    state: State
+    cause: Cause | None
+    """null unless async."""
+    camera: str | None
+    """The one that is frozen or missing."""
+    since_frame: Count | None
+    reason: Reason | None
+    """null unless unknown."""
+    basis: Basis
+    offset_ms: float | None
+    """Second camera against the first; positive: its picture shows a later moment."""
+    offset_sigma_ms: NonNegative | None
+    """One standard error."""
+    offset_frames: float | None
+    tolerance_ms: NonNegative
+    drift: PaceShape
+    range_error: RangeErrorShape | None = None
+    """There if judge.range is set."""
+    content: ContentShape | None
+    evidence: dict[str, EvidenceShape]
+    """By name of the detector."""
+    sequence: dict[str, int | None]
+    """Frame counters, by camera."""
+    captured_ns: dict[str, int | None]
+    """Stamps, by camera, each on its own clock."""
+    interval_ms: NonNegative | None
+    exposure: ExposureShape
+    notes: list[str]
+
+
+class EventShape(Shape):
+    """Onset or end of a condition."""
+
+    model_config = ConfigDict(title="syncwatch.event.v1")
+
+    of: Literal["syncwatch.event.v1"] = Field(alias="schema")
+    rig: str
+    id: str
+    """The same for an onset and its end."""
+    kind: str
+    """async, swapped, geometry_shift, dark, saturated, blurred."""
+    phase: Literal["onset", "end"]
+    pair: str | None
+    camera: str | None
+    cause: Cause | None
+    since_ns: WallClock
+    until_ns: WallClock | None
+    """null in an onset."""
+    worst: dict[str, float | None]
+    """The largest values so far, with the unit in the name."""
+    text: str
+
+
+class PairShape(Shape):
+    """The current state of a pair."""
+
+    state: State
+    cause: Cause | None
+    since_ns: WallClock
+    offset_ms: float | None
+    offset_sigma_ms: NonNegative | None
+    coverage: Share
+    """Share of its frames that could be decided."""
+    drift: PaceShape
+    skew_p50_ms: NonNegative | None
+    """Median of the size of the offset over the last minute, to one percent."""
+    skew_p99_ms: NonNegative | None
+
+
+class CameraShape(Shape):
+    """The current state of a camera; counts are since the monitor was started."""
+
+    fps: NonNegative | None
+    """Measured; null before stamps tell it or where they are made up."""
+    expected_fps: NonNegative
+    frames: Count
+    drops: Count
+    """Frames lost, by counter or by time."""
+    unpaired: Count
+    duplicates: Count
+    restarts: Count
+    """How often device or clock came back with a new epoch."""
+    stalls: Count
+    """Silences of more than three periods."""
+    jitter_p50_ms: NonNegative | None
+    jitter_p99_ms: NonNegative | None
+    frozen: bool
+    conditions: list[str]
+    """What lasts: jitter, frozen, dark, saturated, blurred, stalled, missing."""
+    clock: str | None
+    """Name of the clock of its stamps."""
+    epoch: int | None
+    """Rises when the device or its clock starts anew."""
+
+
+class MonitorShape(Shape):
+    """The program that publishes."""
+
+    version: str
+    uptime_s: NonNegative
+    dropped_windows: Count
+    """Moments that were not judged for want of time."""
+    latency_p99_ms: NonNegative | None
+    """From the arrival of a frame to its verdict, over the last minute."""
+    memory_bytes: Count | None
+    """Resident; null where the system does not say."""
+
+
+class StatusShape(Shape):
+    """How a rig stands, once a second and on every change."""
+
+    model_config = ConfigDict(title="syncwatch.status.v1")
+
+    of: Literal["syncwatch.status.v1"] = Field(alias="schema")
+    rig: str
+    at_ns: WallClock
+    level: Level
+    reasons: list[str]
+    pairs: dict[str, PairShape]
+    cameras: dict[str, CameraShape]
+    monitor: MonitorShape
+
+
+class AlignedShape(Shape):
+    """Two frames that belong together after whole frames were put right."""
+
+    model_config = ConfigDict(title="syncwatch.aligned.v1")
+
+    of: Literal["syncwatch.aligned.v1"] = Field(alias="schema")
+    rig: str
+    pair: str
+    first: Count | None
+    """What the first camera's frame counts, from 0."""
+    second: Count | None
+    shift_frames: int
+    """How far the second camera's frame was moved."""
+    residual_ms: float | None
+    residual_sigma_ms: NonNegative | None
+    sequence: dict[str, int | None]
+    captured_ns: dict[str, int]
+
+
+SHAPES: dict[str, type[Shape]] = {
+    "verdict": VerdictShape,
+    "event": EventShape,
+    "status": StatusShape,
+    "aligned": AlignedShape,
+}
+"""What is published, by the name of its schema."""
+
+
+class _Untitled(GenerateJsonSchema):
+    """A title that repeats a name helps nobody."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ARG002
+        return False
+
+
+def message_schema(name: str) -> dict[str, Any]:
+    """The JSON schema (2020-12) of one kind of SHAPES."""
+    made = SHAPES[name].model_json_schema(schema_generator=_Untitled)
+    return {"$schema": GenerateJsonSchema.schema_dialect, **made}
