@@ -58,6 +58,7 @@ from sinks.console import ConsoleSettings, ConsoleSink
 from sinks.jsonl import JsonlSettings, JsonlSink
 from sinks.mcap.settings import McapSettings
 from sinks.mcap.sink import McapSink
+from sinks.prometheus import PrometheusSettings, PrometheusSink
 from sinks.zenoh import ZenohSettings, ZenohSink
 from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
@@ -151,6 +152,7 @@ KINDS = Kinds(
             ),
             "jsonl": Kind(JsonlSettings, lambda s, k: JsonlSink(s, base=k.plan.base)),
             "mcap": Kind(McapSettings, _mcap_sink),
+            "prometheus": Kind(PrometheusSettings, lambda s, k: PrometheusSink(s, rig=k.rig.name, version=version())),
             "zenoh": Kind(ZenohSettings, lambda s, k: ZenohSink(s, rig=k.rig.name)),
         },
     },

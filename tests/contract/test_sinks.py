@@ -12,6 +12,7 @@ from sinks.console import ConsoleSettings, ConsoleSink
 from sinks.jsonl import JsonlSettings, JsonlSink
 from sinks.mcap.settings import McapSettings
 from sinks.mcap.sink import McapSink
+from sinks.prometheus import PrometheusSettings, PrometheusSink
 from sinks.zenoh import ZenohSettings, ZenohSink
 from syncwatch.testing import ListSink
 from tests.frames import RIG, frame
@@ -40,11 +41,23 @@ def make(kind: str, folder) -> Sink:
     if kind == "mcap":
         settings = McapSettings(path="out.mcap")
         return McapSink(settings, base=folder, rig=RIG, detectors=["offset"], version="0", live=False)
+    if kind == "prometheus":
+        return PrometheusSink(PrometheusSettings(listen="127.0.0.1:0"), rig="bench", version="0")
     return ListSink()
 
 
 @pytest.fixture(
-    params=["console-live", "console-classic", "console-progress", "jsonl", "mcap", "zenoh", "zenoh-preview", "list"]
+    params=[
+        "console-live",
+        "console-classic",
+        "console-progress",
+        "jsonl",
+        "mcap",
+        "zenoh",
+        "zenoh-preview",
+        "prometheus",
+        "list",
+    ]
 )
 def sink(request, tmp_path) -> Sink:
     return make(request.param, tmp_path)
