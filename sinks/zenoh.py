@@ -13,9 +13,10 @@ import zenoh
 from pipeline.errors import InputError, RunError
 from pipeline.frame import Frame
 from pipeline.verdict import EVENT_SCHEMA, AlignedPair, Event, Message, Report, Status, Verdict
+from sinks.zenoh_link import ZenohLink
 from sinks.zenoh_preview import Previews
-from sinks.zenoh_session import EVENT_CACHE, JPEG, Published, encoding, first_words
-from sinks.zenoh_settings import RETRY_EVERY_S, ZenohSettings, is_key_chunk, session_config
+from sinks.zenoh_session import EVENT_CACHE, JPEG, Published, encoding
+from sinks.zenoh_settings import ZenohSettings, is_key_chunk
 
 __all__ = ["ZenohSettings", "ZenohSink"]
 
@@ -23,10 +24,6 @@ log = logging.getLogger("syncwatch.sinks.zenoh")
 
 FIND_OTHERS_S = 0.8
 """How long another monitor of the same rig is looked for: peers on one machine find each other in about half of it."""
-
-REQUIRED_WITHIN_S = 3.0
-STOP_WITHIN_S = 1.5
-NOBODY = "nobody answers there"
 
 
 class ZenohSink:
@@ -59,33 +56,16 @@ class ZenohSink:
         self._early_events: deque[Message] = deque(maxlen=EVENT_CACHE)
         self._lost_events = 0
         self._published: Published | None = None
-        self._refused: RunError | None = None
-        self._stopped = threading.Event()
         self._last_states: dict[str, str] = {}
         self._previews = settings.preview and Previews(settings.preview)
-        self._opener = threading.Thread(target=self._open_until_stopped, name="zenoh-open", daemon=True)
+        self._link = ZenohLink(settings, self._publish_from, name="zenoh")
 
     def start(self) -> None:
-        deadline = time.monotonic() + REQUIRED_WITHIN_S
-        error = self._try_to_open()
-        while self._settings.required and self._refused is None and not self._is_reached():
-            if time.monotonic() > deadline:
-                self._close(STOP_WITHIN_S)
-                raise RunError(f"zenoh: cannot reach {self._settings.where}: {error or NOBODY}")
-            if self._published is None:
-                error = self._try_to_open()
-            else:
-                time.sleep(RETRY_EVERY_S)
-        if self._refused is not None:
-            raise self._refused
-        if not self._is_reached():
-            log.warning("zenoh: cannot reach %s yet, trying on (%s)", self._settings.where, error or NOBODY)
-        if self._published is None:
-            self._opener.start()
+        self._link.start()
 
     def take(self, report: Report) -> None:
-        if self._refused is not None:
-            raise self._refused
+        if self._link.refused is not None:
+            raise self._link.refused
         message = report.to_message()
         if isinstance(report, Event):
             self._take_event(message)
@@ -106,29 +86,10 @@ class ZenohSink:
             self._put_latest(f"{self._root}/preview/{frame.camera}", jpeg, JPEG)
 
     def stop(self) -> None:
-        deadline = time.monotonic() + STOP_WITHIN_S
-        self._stopped.set()
-        if self._opener.is_alive():
-            self._opener.join(STOP_WITHIN_S)
-        self._close(max(deadline - time.monotonic(), 0.0))
+        self._link.stop()
         unheard = self._lost_events + len(self._early_events)
         if unheard:
             log.warning("zenoh: %d events were never published: nothing could be reached in time", unheard)
-
-    def _close(self, within_s: float) -> None:
-        """Closes in a thread of its own: a router that hangs holds a session for longer than a user waits."""
-        if self._published is None:
-            return
-        closer = threading.Thread(target=self._published.close, name="zenoh-close", daemon=True)
-        closer.start()
-        closer.join(within_s)
-        if closer.is_alive():
-            log.warning("zenoh: the session did not close in time")
-
-    def _is_reached(self) -> bool:
-        """A peer opens its session whether or not anyone is at the endpoints it was given."""
-        published = self._published
-        return published is not None and (not self._settings.connect or published.is_connected())
 
     def _wanted(self, verdict: Verdict) -> bool:
         before = self._last_states.get(verdict.pair)
@@ -155,38 +116,15 @@ class ZenohSink:
         if published is not None and publish:
             published.put(key, payload, schema)
 
-    def _open_until_stopped(self) -> None:
-        while not self._stopped.is_set() and self._published is None and self._refused is None:
-            self._try_to_open()
-            self._stopped.wait(RETRY_EVERY_S)
-        if self._published is not None:
-            log.info("zenoh: connected to %s", self._settings.where)
-
-    def _try_to_open(self) -> str:
-        """Opens the session and publishes what has waited; returns what went wrong, if anything."""
-        try:
-            session = zenoh.open(session_config(self._settings))
-        except zenoh.ZError as error:
-            return first_words(error)
-        try:
-            return self._publish_from(session)
-        except zenoh.ZError as error:  # what was open may be gone again
-            session.close()
-            return first_words(error)
-
-    def _publish_from(self, session: zenoh.Session) -> str:
+    def _publish_from(self, session: zenoh.Session) -> Published:
+        """Publishes what has waited for the session. Raises RunError where another monitor has the rig."""
         if _is_taken(session, f"{self._root}/alive"):
-            session.close()
-            self._refused = RunError(
+            raise RunError(
                 f"rig '{self._rig}' is already published under '{self._root}' by another monitor: "
                 "choose another name with rig: in the configuration or --set rig=NAME"
             )
-            return str(self._refused)
         published = Published(session, self._root, self._answer)
         with self._lock:
-            if self._stopped.is_set():
-                published.close()
-                return ""
             for message in self._early_events:
                 published.event(message)
             self._early_events.clear()
@@ -194,7 +132,7 @@ class ZenohSink:
                 if schema != EVENT_SCHEMA:
                     published.put(key, payload, schema)
             self._published = published
-        return ""
+        return published
 
     def _answer(self, query: zenoh.Query) -> None:
         """Answers with the latest of everything that was asked for."""

@@ -45,26 +45,20 @@ def _endpoint(value: str) -> str:
 Endpoint = Annotated[str, AfterValidator(_endpoint)]
 
 
-class ZenohSettings(Settings):
-    """Where and how the rig is published, under <prefix>/<rig>.
+class NetworkSettings(Settings):
+    """How a sink takes part in Zenoh's network.
 
     mode: `peer` talks to other peers, `client` through a router, `router` is one itself. A router does not pass
     messages from peer to peer, so rigs and subscribers that share one are clients.
     connect, listen: endpoints, and then exactly these: nobody else is looked for. Without any, only programs on this
     machine can hear.
     required: end the run when nothing can be reached at the start.
-    verdicts: publish all of them, those that differ in state from the one before, or none.
-    preview: publish small pictures of the cameras, too.
     """
 
-    type: Literal["zenoh"] = "zenoh"
     mode: Literal["peer", "client", "router"] = "peer"
-    prefix: Annotated[str, AfterValidator(_key_prefix)] = "syncwatch"
     connect: tuple[Endpoint, ...] = ()
     listen: tuple[Endpoint, ...] = ()
     required: bool = False
-    verdicts: Literal["all", "changes", "none"] = "all"
-    preview: PreviewSettings | None = None
 
     @property
     def where(self) -> str:
@@ -72,13 +66,26 @@ class ZenohSettings(Settings):
         return ", ".join(self.connect or self.listen) or "the local network"
 
     @model_validator(mode="after")
-    def _client_has_a_router(self) -> ZenohSettings:
+    def _client_has_a_router(self) -> NetworkSettings:
         if self.mode == "client" and not self.connect:
             raise ValueError("mode: client needs a router to connect to, e.g. connect: [tcp/127.0.0.1:7447]")
         return self
 
 
-def session_config(settings: ZenohSettings) -> zenoh.Config:
+class ZenohSettings(NetworkSettings):
+    """Where and how the rig is published, under <prefix>/<rig>.
+
+    verdicts: publish all of them, those that differ in state from the one before, or none.
+    preview: publish small pictures of the cameras, too.
+    """
+
+    type: Literal["zenoh"] = "zenoh"
+    prefix: Annotated[str, AfterValidator(_key_prefix)] = "syncwatch"
+    verdicts: Literal["all", "changes", "none"] = "all"
+    preview: PreviewSettings | None = None
+
+
+def session_config(settings: NetworkSettings) -> zenoh.Config:
     config: zenoh.Config = zenoh.Config()
     local = not settings.connect and not settings.listen
     values: dict[str, Any] = {
