@@ -59,6 +59,7 @@ from sinks.jsonl import JsonlSettings, JsonlSink
 from sinks.mcap.settings import McapSettings
 from sinks.mcap.sink import McapSink
 from sinks.prometheus import PrometheusSettings, PrometheusSink
+from sinks.ros2.sink import Ros2Settings, Ros2Sink
 from sinks.zenoh import ZenohSettings, ZenohSink
 from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
@@ -153,6 +154,7 @@ KINDS = Kinds(
             "jsonl": Kind(JsonlSettings, lambda s, k: JsonlSink(s, base=k.plan.base)),
             "mcap": Kind(McapSettings, _mcap_sink),
             "prometheus": Kind(PrometheusSettings, lambda s, k: PrometheusSink(s, rig=k.rig.name, version=version())),
+            "ros2": Kind(Ros2Settings, lambda s, k: Ros2Sink(s, rig=k.rig.name)),
             "zenoh": Kind(ZenohSettings, lambda s, k: ZenohSink(s, rig=k.rig.name)),
         },
     },

@@ -13,6 +13,7 @@ from sinks.jsonl import JsonlSettings, JsonlSink
 from sinks.mcap.settings import McapSettings
 from sinks.mcap.sink import McapSink
 from sinks.prometheus import PrometheusSettings, PrometheusSink
+from sinks.ros2.sink import Ros2Settings, Ros2Sink
 from sinks.zenoh import ZenohSettings, ZenohSink
 from syncwatch.testing import ListSink
 from tests.frames import RIG, frame
@@ -43,22 +44,26 @@ def make(kind: str, folder) -> Sink:
         return McapSink(settings, base=folder, rig=RIG, detectors=["offset"], version="0", live=False)
     if kind == "prometheus":
         return PrometheusSink(PrometheusSettings(listen="127.0.0.1:0"), rig="bench", version="0")
+    if kind == "ros2":
+        return Ros2Sink(Ros2Settings(mode="peer", connect=(), domain_id=99), rig="bench")
     return ListSink()
 
 
-@pytest.fixture(
-    params=[
-        "console-live",
-        "console-classic",
-        "console-progress",
-        "jsonl",
-        "mcap",
-        "zenoh",
-        "zenoh-preview",
-        "prometheus",
-        "list",
-    ]
-)
+KINDS = [
+    "console-live",
+    "console-classic",
+    "console-progress",
+    "jsonl",
+    "mcap",
+    "zenoh",
+    "zenoh-preview",
+    "prometheus",
+    "ros2",
+    "list",
+]
+
+
+@pytest.fixture(params=KINDS)
 def sink(request, tmp_path) -> Sink:
     return make(request.param, tmp_path)
 

@@ -1,0 +1,1 @@
+"""Diagnostics for ROS 2, without ROS."""
