@@ -228,13 +228,72 @@ class AlignedShape(Shape):
     captured_ns: dict[str, int]
 
 
+class FleetPairShape(Shape):
+    """A pair as the rig's last status had it."""
+
+    state: State
+    cause: str | None
+    since_ns: WallClock
+    offset_ms: float | None
+    offset_sigma_ms: NonNegative | None
+    coverage: Share
+
+
+class OpenShape(Shape):
+    """A condition that has begun and not ended."""
+
+    id: str
+    kind: str
+    pair: str | None
+    camera: str | None
+    cause: str | None
+    since_ns: WallClock
+    text: str
+
+
+class FleetRigShape(Shape):
+    """A rig as it was heard."""
+
+    ok: bool
+    """Heard just now, and its level is ok."""
+    presence: Literal["alive", "stale", "gone", "unheard"]
+    """stale: its monitor is there and says nothing; gone: it is not there; unheard: the listener itself is cut off."""
+    headline: str
+    silent_s: NonNegative
+    """Since its last status, or since the rig was noticed."""
+    level: Level | None
+    """Of the last status, as are reasons and pairs; null before there was one."""
+    reasons: list[str]
+    pairs: dict[str, FleetPairShape]
+    open: list[OpenShape]
+
+
+class FleetShape(Shape):
+    """All rigs that a listener hears (syncwatch watch --json)."""
+
+    model_config = ConfigDict(title="syncwatch.fleet.v1")
+
+    of: Literal["syncwatch.fleet.v1"] = Field(alias="schema")
+    prefix: str
+    at_ns: WallClock
+    ok: bool
+    """There are rigs, and all of them are ok."""
+    problem: str | None
+    """Why nothing can be heard; null while something can."""
+    left_out: Count
+    """Rigs there was no room for."""
+    rigs: dict[str, FleetRigShape]
+    """By name: the key below the prefix."""
+
+
 SHAPES: dict[str, type[Shape]] = {
     "verdict": VerdictShape,
     "event": EventShape,
     "status": StatusShape,
     "aligned": AlignedShape,
+    "fleet": FleetShape,
 }
-"""What is published, by the name of its schema."""
+"""What is published or printed, by the name of its schema."""
 
 
 class _Untitled(GenerateJsonSchema):

@@ -13,6 +13,7 @@ VERDICT_SCHEMA = "syncwatch.verdict.v1"
 EVENT_SCHEMA = "syncwatch.event.v1"
 STATUS_SCHEMA = "syncwatch.status.v1"
 ALIGNED_SCHEMA = "syncwatch.aligned.v1"
+FLEET_SCHEMA = "syncwatch.fleet.v1"
 
 
 class State(str, Enum):

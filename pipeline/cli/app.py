@@ -20,6 +20,7 @@ from pipeline.cli.replay import replay
 from pipeline.cli.report import report as report_command
 from pipeline.cli.run import run
 from pipeline.cli.selftest import selftest
+from pipeline.cli.watch import watch
 from pipeline.errors import SyncwatchError
 
 INTERRUPTED = 130
@@ -52,6 +53,7 @@ for command in (
     selftest,
     report_command,
     dashboard,
+    watch,
 ):
     app.add_command(command)
 
