@@ -18,6 +18,7 @@ from pipeline.detectors.offset.settings import OffsetSettings
 from pipeline.detectors.spatial import SpatialDetector, SpatialSettings
 from pipeline.detectors.timestamp import TimestampDetector, TimestampSettings
 from pipeline.errors import InputError
+from pipeline.event_log import read_events
 from pipeline.faults.base import Fault
 from pipeline.faults.content_shift import ContentShift, ContentShiftSettings
 from pipeline.faults.dark import Dark, DarkSettings
@@ -53,8 +54,9 @@ from pipeline.range_error import RangeCase, range_case
 from pipeline.run import Parts
 from pipeline.status import StatusKeeper
 from pipeline.steady import CONFIRM, WEIGHED
-from pipeline.verdict import Level, Report, Sink
+from pipeline.verdict import Level, Message, Report, Sink
 from sinks.console import ConsoleSettings, ConsoleSink
+from sinks.events import EventsSettings, EventsSink
 from sinks.jsonl import JsonlSettings, JsonlSink
 from sinks.mcap.settings import McapSettings
 from sinks.mcap.sink import McapSink
@@ -105,6 +107,15 @@ def _mcap_sink(settings: McapSettings, context: SinkContext) -> McapSink:
     )
 
 
+def _past_events(context: SinkContext) -> list[Message]:
+    """What a sink `events` of this configuration has kept of former runs of this rig. Raises InputError."""
+    for chosen in context.plan.sinks.values():
+        if isinstance(chosen.settings, EventsSettings):
+            file = chosen.settings.file(context.plan.base, context.rig.name)
+            return [one for one in read_events(file, chosen.settings.keep) if one.get("rig") == context.rig.name]
+    return []
+
+
 def version() -> str:
     return metadata.version("syncwatch")
 
@@ -151,11 +162,12 @@ KINDS = Kinds(
                 ConsoleSettings,
                 lambda s, k: ConsoleSink(s, stream=k.console, rig=k.rig, frame_count=k.frame_count),
             ),
+            "events": Kind(EventsSettings, lambda s, k: EventsSink(s, base=k.plan.base, rig=k.rig.name)),
             "jsonl": Kind(JsonlSettings, lambda s, k: JsonlSink(s, base=k.plan.base)),
             "mcap": Kind(McapSettings, _mcap_sink),
             "prometheus": Kind(PrometheusSettings, lambda s, k: PrometheusSink(s, rig=k.rig.name, version=version())),
             "ros2": Kind(Ros2Settings, lambda s, k: Ros2Sink(s, rig=k.rig.name)),
-            "zenoh": Kind(ZenohSettings, lambda s, k: ZenohSink(s, rig=k.rig.name)),
+            "zenoh": Kind(ZenohSettings, lambda s, k: ZenohSink(s, rig=k.rig.name, history=_past_events(k))),
         },
     },
     own={

@@ -44,7 +44,7 @@ class Conditions:
         self._rig = rig.name
         self._expected_ns = {pair.name: pair.expected_offset_ns for pair in rig.pairs}
         self._wall_ns = wall_ns
-        self._run = uuid.uuid4().hex[:4]
+        self._run = uuid.uuid4().hex[:8]
         self._count = 0
         self._steady = {pair.name: Steady(confirm) for pair in rig.pairs}
         self._open: dict[tuple[str, str], Event] = {}

@@ -286,12 +286,32 @@ class FleetShape(Shape):
     """By name: the key below the prefix."""
 
 
+class IncidentShape(Shape):
+    """A condition from its onset to its end (syncwatch events --json)."""
+
+    model_config = ConfigDict(title="syncwatch.incident.v1")
+
+    of: Literal["syncwatch.incident.v1"] = Field(alias="schema")
+    rig: str
+    id: str
+    kind: str
+    pair: str | None
+    camera: str | None
+    cause: str | None
+    since_ns: WallClock
+    until_ns: WallClock | None
+    """null: no end was told."""
+    worst: dict[str, float | None]
+    text: str
+
+
 SHAPES: dict[str, type[Shape]] = {
     "verdict": VerdictShape,
     "event": EventShape,
     "status": StatusShape,
     "aligned": AlignedShape,
     "fleet": FleetShape,
+    "incident": IncidentShape,
 }
 """What is published or printed, by the name of its schema."""
 

@@ -14,6 +14,7 @@ EVENT_SCHEMA = "syncwatch.event.v1"
 STATUS_SCHEMA = "syncwatch.status.v1"
 ALIGNED_SCHEMA = "syncwatch.aligned.v1"
 FLEET_SCHEMA = "syncwatch.fleet.v1"
+INCIDENT_SCHEMA = "syncwatch.incident.v1"
 
 
 class State(str, Enum):

@@ -7,6 +7,7 @@ import logging
 import threading
 import time
 from collections import deque
+from collections.abc import Sequence
 
 import zenoh
 
@@ -36,6 +37,7 @@ class ZenohSink:
     router or the subscriber that went away, as long as fewer than EVENT_CACHE are published meanwhile. Of more, the
     oldest are lost. A plain subscriber misses what happens while it is cut off. What is reported before the network is
     there is kept: every event (up to EVENT_CACHE), else the latest.
+    history: events of former runs; who comes late gets them first, who has been there does not get them again.
 
     Raises InputError for a rig name that cannot be part of a key, RunError when another monitor publishes this rig or,
     if `required`, when nothing can be reached.
@@ -43,7 +45,7 @@ class ZenohSink:
 
     lossless = False
 
-    def __init__(self, settings: ZenohSettings, *, rig: str) -> None:
+    def __init__(self, settings: ZenohSettings, *, rig: str, history: Sequence[Message] = ()) -> None:
         if not is_key_chunk(rig):
             raise InputError(
                 f"rig: '{rig}' cannot be published over Zenoh: no spaces, none of / * $ # ? and no @ first"
@@ -53,6 +55,9 @@ class ZenohSink:
         self._root = f"{settings.prefix}/{rig}"
         self._lock = threading.Lock()
         self._latest: dict[str, tuple[str | bytes, str]] = {}
+        self._history = tuple(history)[-EVENT_CACHE:]
+        if self._history:
+            self._latest[f"{self._root}/event"] = (json.dumps(self._history[-1]), EVENT_SCHEMA)
         self._early_events: deque[Message] = deque(maxlen=EVENT_CACHE)
         self._lost_events = 0
         self._published: Published | None = None
@@ -123,7 +128,7 @@ class ZenohSink:
                 f"rig '{self._rig}' is already published under '{self._root}' by another monitor: "
                 "choose another name with rig: in the configuration or --set rig=NAME"
             )
-        published = Published(session, self._root, self._answer)
+        published = Published(session, self._root, self._answer, self._history)
         with self._lock:
             for message in self._early_events:
                 published.event(message)

@@ -6,7 +6,7 @@ import json
 import logging
 import re
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
 import zenoh
@@ -55,6 +55,24 @@ def encoding(schema: str) -> zenoh.Encoding:
     return made
 
 
+def _kept_for_late_ones(session: zenoh.Session, key: str, events: Sequence[Message]) -> zenoh.ext.AdvancedPublisher:
+    """Fills a cache without telling anybody who is there: puts stay in the session, and the publisher is not detected.
+
+    Subscribers that come later ask all caches of the key.
+    """
+    publisher = zenoh.ext.declare_advanced_publisher(
+        session,
+        key,
+        encoding=encoding(EVENT_SCHEMA),
+        allowed_destination=zenoh.Locality.SESSION_LOCAL,
+        cache=zenoh.ext.CacheConfig(max_samples=EVENT_CACHE),
+        publisher_detection=False,
+    )
+    for event in events:
+        publisher.put(json.dumps(event))
+    return publisher
+
+
 class Published:
     """An open session with everything that is declared on it.
 
@@ -62,13 +80,20 @@ class Published:
     interpreter ends meanwhile.
     """
 
-    def __init__(self, session: zenoh.Session, root: str, answer: Callable[[zenoh.Query], None]) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        root: str,
+        answer: Callable[[zenoh.Query], None],
+        history: Sequence[Message] = (),
+    ) -> None:
         self._session = session
         self._open = ExitStack()
         self._open.enter_context(session)
         self._answer = answer
         self._closing = threading.Event()
         self._publishers: dict[str, zenoh.Publisher] = {}
+        self._past = _kept_for_late_ones(session, f"{root}/event", history) if history else None
         self._events = zenoh.ext.declare_advanced_publisher(
             session,
             f"{root}/event",

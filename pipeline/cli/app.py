@@ -14,6 +14,7 @@ from pipeline.cli.common import BAD_INPUT, FAILED, report, set_up_logging
 from pipeline.cli.configure import init, schema, validate
 from pipeline.cli.dashboard import dashboard
 from pipeline.cli.evaluate import evaluate
+from pipeline.cli.events import events
 from pipeline.cli.record import record
 from pipeline.cli.repair import repair
 from pipeline.cli.replay import replay
@@ -54,6 +55,7 @@ for command in (
     report_command,
     dashboard,
     watch,
+    events,
 ):
     app.add_command(command)
 

@@ -139,7 +139,7 @@ class Fleet:
             if rig is None:
                 return
             before = rig.incidents.get(event.id)
-            rig.incidents[event.id] = _merged(before, event)
+            rig.incidents[event.id] = merged(before, event)
             if len(rig.incidents) > MAX_EVENTS:
                 oldest = min(rig.incidents.values(), key=lambda incident: incident.since_ns)
                 del rig.incidents[oldest.id]
@@ -235,7 +235,7 @@ def _close_before(rig: _Rig, started_ns: int) -> None:
     rig.listed = _in_order(rig)
 
 
-def _merged(before: Incident | None, event: HeardEvent) -> Incident:
+def merged(before: Incident | None, event: HeardEvent) -> Incident:
     """Onset and end of a condition may come in either order, and more than once."""
     ended = event.phase == "end"
     known = before or Incident(

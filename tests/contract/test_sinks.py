@@ -9,6 +9,7 @@ import pytest
 
 from pipeline.verdict import AlignedPair, Basis, Cause, Event, FrameSink, Level, Sink, State, Status, Verdict
 from sinks.console import ConsoleSettings, ConsoleSink
+from sinks.events import EventsSettings, EventsSink
 from sinks.jsonl import JsonlSettings, JsonlSink
 from sinks.mcap.settings import McapSettings
 from sinks.mcap.sink import McapSink
@@ -42,6 +43,8 @@ def make(kind: str, folder) -> Sink:
     if kind == "mcap":
         settings = McapSettings(path="out.mcap")
         return McapSink(settings, base=folder, rig=RIG, detectors=["offset"], version="0", live=False)
+    if kind == "events":
+        return EventsSink(EventsSettings(), base=folder, rig="bench")
     if kind == "prometheus":
         return PrometheusSink(PrometheusSettings(listen="127.0.0.1:0"), rig="bench", version="0")
     if kind == "ros2":
@@ -55,6 +58,7 @@ KINDS = [
     "console-progress",
     "jsonl",
     "mcap",
+    "events",
     "zenoh",
     "zenoh-preview",
     "prometheus",
