@@ -7,6 +7,7 @@
     --json                    raw messages, one a line
 
 Events are heard with an advanced subscriber: one that comes late, or loses its connection for a while, gets them all.
+Those that a monitor has kept of its former runs may come more than once; they are printed once.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -81,6 +83,7 @@ class Printer:
     def __init__(self, *, raw: bool) -> None:
         self._raw = raw
         self._shown: dict[str, object] = {}
+        self._told: deque[tuple[str, str]] = deque(maxlen=10_000)
 
     def status(self, sample: zenoh.Sample) -> None:
         text = sample.payload.to_string()
@@ -95,6 +98,10 @@ class Printer:
     def event(self, sample: zenoh.Sample) -> None:
         text = sample.payload.to_string()
         message = json.loads(text)
+        key = (message["id"], message["phase"])
+        if key in self._told:
+            return
+        self._told.append(key)
         print(text if self._raw else f"{message['rig']}: {message['phase']}: {message['text']}", flush=True)
 
     def alive(self, sample: zenoh.Sample) -> None:

@@ -37,7 +37,8 @@ class ZenohSink:
     router or the subscriber that went away, as long as fewer than EVENT_CACHE are published meanwhile. Of more, the
     oldest are lost. A plain subscriber misses what happens while it is cut off. What is reported before the network is
     there is kept: every event (up to EVENT_CACHE), else the latest.
-    history: events of former runs; who comes late gets them first, who has been there does not get them again.
+    history: events of former runs, for subscribers of the same kind that come late. One that has been there gets them
+    again, each with the id and phase it had.
 
     Raises InputError for a rig name that cannot be part of a key, RunError when another monitor publishes this rig or,
     if `required`, when nothing can be reached.

@@ -55,10 +55,11 @@ def encoding(schema: str) -> zenoh.Encoding:
     return made
 
 
-def _kept_for_late_ones(session: zenoh.Session, key: str, events: Sequence[Message]) -> zenoh.ext.AdvancedPublisher:
-    """Fills a cache without telling anybody who is there: puts stay in the session, and the publisher is not detected.
+def _past_events(session: zenoh.Session, key: str, events: Sequence[Message]) -> zenoh.ext.AdvancedPublisher:
+    """Fills a cache of its own, which subscribers with history ask when they notice this publisher; puts reach nobody.
 
-    Subscribers that come later ask all caches of the key.
+    They notice it whenever they are linked to it anew, as a link that comes late and a monitor that comes late cannot
+    be told apart: who has heard the former run as well gets its events again.
     """
     publisher = zenoh.ext.declare_advanced_publisher(
         session,
@@ -66,7 +67,7 @@ def _kept_for_late_ones(session: zenoh.Session, key: str, events: Sequence[Messa
         encoding=encoding(EVENT_SCHEMA),
         allowed_destination=zenoh.Locality.SESSION_LOCAL,
         cache=zenoh.ext.CacheConfig(max_samples=EVENT_CACHE),
-        publisher_detection=False,
+        publisher_detection=True,
     )
     for event in events:
         publisher.put(json.dumps(event))
@@ -93,7 +94,7 @@ class Published:
         self._answer = answer
         self._closing = threading.Event()
         self._publishers: dict[str, zenoh.Publisher] = {}
-        self._past = _kept_for_late_ones(session, f"{root}/event", history) if history else None
+        self._past = _past_events(session, f"{root}/event", history) if history else None
         self._events = zenoh.ext.declare_advanced_publisher(
             session,
             f"{root}/event",
