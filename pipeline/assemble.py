@@ -63,6 +63,7 @@ from sinks.mcap.sink import McapSink
 from sinks.prometheus import PrometheusSettings, PrometheusSink
 from sinks.ros2.sink import Ros2Settings, Ros2Sink
 from sinks.zenoh import ZenohSettings, ZenohSink
+from sources.push import PushSettings, PushSource
 from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
 from sources.synthetic.settings import SyntheticSettings
@@ -125,6 +126,7 @@ KINDS = Kinds(
         "source": {
             "synthetic": Kind(SyntheticSettings, lambda s, plan: SyntheticSource(s, seed=plan.config.seed)),
             "replay": Kind(ReplaySettings, lambda s, plan: ReplaySource(s, base=plan.base)),
+            "push": Kind(PushSettings, lambda s, _: PushSource(s)),
         },
         "faults": {
             "slip": Kind(SlipSettings, lambda s, c, seed, r: Slip(s.type, s, c, seed, s.frames, r)),

@@ -32,7 +32,7 @@ class StampReference(str, Enum):
 
 
 class StampOrigin(str, Enum):
-    """Who made `captured_ns`; a synthesised stamp is no evidence of anything."""
+    """Who made `captured_ns`; synthesised stamps and those of arrival are no evidence of when a picture was taken."""
 
     DEVICE = "device"
     DRIVER = "driver"

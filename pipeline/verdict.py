@@ -60,7 +60,8 @@ class Evidence:
 
     offset_ns and offset_frames: the second camera against the first, positive = a later moment; None where not
     measured. sigma_*: one standard error. reason: a sentence for people. numbers: what the sentence rests on.
-    synthesised: the stamps it rests on were made up by the source, so it proves nothing. silence: why it abstains.
+    synthesised: the stamps it rests on were made up by the source or tell of arrival, so it proves nothing. silence:
+    why it abstains.
     """
 
     pair: str

@@ -1,7 +1,7 @@
 """syncwatch: were the frames of this rig really taken at the same moment?
 
-What other programs may import: the records a source delivers and a sink receives, the Protocols both keep, and the
-base of their settings.
+What other programs may import: `Monitor`, which watches frames that they take themselves; the records a source delivers
+and a sink receives, the Protocols both keep, and the base of their settings.
 """
 
 from pipeline.errors import InputError, RunError, SyncwatchError
@@ -34,6 +34,7 @@ from pipeline.verdict import (
     Status,
     Verdict,
 )
+from syncwatch.monitor import Monitor
 
 __all__ = [
     "AlignedPair",
@@ -47,6 +48,7 @@ __all__ = [
     "FrameSink",
     "InputError",
     "Level",
+    "Monitor",
     "Pair",
     "Reason",
     "Report",

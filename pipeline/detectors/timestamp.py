@@ -12,6 +12,9 @@ from pipeline.frame import NS_PER_MS, NS_PER_S, Frame, Pair, Rig, StampOrigin, W
 from pipeline.settings import Settings
 from pipeline.verdict import Basis, Evidence, State
 
+PROVES_NOTHING = frozenset({StampOrigin.SYNTHESISED, StampOrigin.ARRIVAL})
+"""Made up from a frame rate, or taken when the host got the picture, seconds after the exposure for all it knows."""
+
 ID_HISTORY = 31
 """Pairs over which a constant difference of ids is learned: about a second at 30 fps, odd so that a majority exists."""
 
@@ -78,7 +81,7 @@ class TimestampDetector:
             offset_frames=difference_ns / period_ns,
             numbers={"threshold_ms": threshold_ns / NS_PER_MS},
             notes=notes,
-            synthesised=StampOrigin.SYNTHESISED in (first.stamp_origin, second.stamp_origin),
+            synthesised=not PROVES_NOTHING.isdisjoint((first.stamp_origin, second.stamp_origin)),
         )
 
     def _threshold_ns(self, pair: Pair) -> int:

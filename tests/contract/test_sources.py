@@ -5,11 +5,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from pipeline.faults.seq_offset import SeqOffset, SeqOffsetSettings
 from pipeline.faults.source import FaultedSource
 from pipeline.frame import Source
+from sources.push import PushSettings, PushSource
 from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
 from sources.synthetic.settings import SyntheticSettings
@@ -22,34 +24,51 @@ from tests.recorded import record
 Make = Callable[..., Source]
 
 
-def synthetic(_, **settings) -> Source:
-    return SyntheticSource(SyntheticSettings(width=64, height=48, duration_s=0.5, fps=10, **settings), seed=0)
+def synthetic(_, *, endless: bool) -> Source:
+    settings = SyntheticSettings(width=64, height=48, duration_s=0.5, fps=10, speed=0.001 if endless else "max")
+    return SyntheticSource(settings, seed=0)
 
 
-def replayed(folder, **settings) -> Source:
+def replayed(folder, *, endless: bool) -> Source:
     if not (folder / "left").exists():
         write_folders(folder, 5)
-    return ReplaySource(ReplaySettings(path=str(folder), fps=10, **settings), base=folder)
+    return ReplaySource(ReplaySettings(path=str(folder), fps=10, speed=0.001 if endless else "max"), base=folder)
 
 
-def recorded(folder, **settings) -> Source:
+def recorded(folder, *, endless: bool) -> Source:
     path = folder / "a.mcap"
     if not path.exists():
         record(path, *(frame(name, n * PERIOD_NS, n, group=n) for n in range(5) for name in ("left", "right")))
-    return ReplaySource(ReplaySettings(path=str(path), **settings), base=folder)
+    return ReplaySource(ReplaySettings(path=str(path), speed=0.001 if endless else "max"), base=folder)
 
 
-def faulted(folder, **settings) -> Source:
-    return FaultedSource(replayed(folder, **settings), lambda cameras: [SeqOffset(SeqOffsetSettings(), cameras, 0)])
+def faulted(folder, *, endless: bool) -> Source:
+    made = replayed(folder, endless=endless)
+    return FaultedSource(made, lambda cameras: [SeqOffset(SeqOffsetSettings(), cameras, 0)])
 
 
-def scripted(_, **settings) -> Source:
-    return ScriptedSource(RIG.cameras, [frame(name, n, n, group=n) for n in range(5) for name in ("left", "right")])
+def scripted(_, *, endless: bool) -> Source:
+    steps = [frame(name, n, n, group=n) for n in range(5) for name in ("left", "right")]
+    return ScriptedSource(RIG.cameras, [*steps, threading.Event()] if endless else steps)
 
 
-@pytest.fixture(params=[synthetic, replayed, recorded, faulted, scripted], ids=lambda make: make.__name__)
+def pushed(_, *, endless: bool) -> Source:
+    source = PushSource(PushSettings(cameras={"left": 10, "right": 10}))
+    source.attach()
+    for n in range(5):
+        for name in ("left", "right"):
+            source.push(name, np.full((4, 6), 100, np.uint8), captured_ns=n)
+    if not endless:
+        source.finish()
+    return source
+
+
+LIVE = {"pushed"}
+
+
+@pytest.fixture(params=[synthetic, replayed, recorded, faulted, scripted, pushed], ids=lambda make: make.__name__)
 def make(request, tmp_path) -> Make:
-    return lambda **settings: request.param(tmp_path, **settings)
+    return lambda *, endless=False: request.param(tmp_path, endless=endless)
 
 
 def test_cameras_are_known_once_it_is_open(make):
@@ -81,13 +100,8 @@ def test_pictures_cannot_be_written_to(make):
     source.close()
 
 
-def test_stopping_ends_the_iteration_from_another_thread(make, request):
-    if "scripted" in request.node.name:
-        source = ScriptedSource(RIG.cameras, [threading.Event()])
-    elif "synthetic" in request.node.name:
-        source = make(speed=0.001)
-    else:
-        source = make(speed=0.001)
+def test_stopping_ends_the_iteration_from_another_thread(make):
+    source = make(endless=True)
     source.open()
     threading.Timer(0.2, source.stop).start()
     reader = threading.Thread(target=lambda: list(source.frames()), daemon=True)
@@ -106,5 +120,5 @@ def test_stopping_before_iterating_and_twice_is_safe(make):
     source.close()
 
 
-def test_it_is_not_live_so_that_every_frame_is_judged(make):
-    assert make().live is False
+def test_cameras_cannot_wait_and_everything_else_can(make, request):
+    assert make().live is any(f"[{name}]" in request.node.name for name in LIVE)
