@@ -68,6 +68,8 @@ from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
+from sources.zenoh.settings import ZenohSourceSettings
+from sources.zenoh.source import ZenohSource
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +129,7 @@ KINDS = Kinds(
             "synthetic": Kind(SyntheticSettings, lambda s, plan: SyntheticSource(s, seed=plan.config.seed)),
             "replay": Kind(ReplaySettings, lambda s, plan: ReplaySource(s, base=plan.base)),
             "push": Kind(PushSettings, lambda s, _: PushSource(s)),
+            "zenoh": Kind(ZenohSourceSettings, lambda s, _: ZenohSource(s)),
         },
         "faults": {
             "slip": Kind(SlipSettings, lambda s, c, seed, r: Slip(s.type, s, c, seed, s.frames, r)),

@@ -11,14 +11,13 @@ from typing import Protocol
 import zenoh
 
 from pipeline.errors import RunError
-from sinks.zenoh_session import first_words
-from sinks.zenoh_settings import RETRY_EVERY_S, NetworkSettings, session_config
+from pipeline.zenoh_network import NOBODY, RETRY_EVERY_S, closes_within, first_words, session_config
+from sinks.zenoh_settings import PublishingSettings
 
 log = logging.getLogger("syncwatch.sinks.zenoh")
 
 REQUIRED_WITHIN_S = 3.0
 STOP_WITHIN_S = 1.5
-NOBODY = "nobody answers there"
 
 
 class Publication(Protocol):
@@ -37,7 +36,7 @@ class ZenohLink:
     """
 
     def __init__(
-        self, settings: NetworkSettings, publish: Callable[[zenoh.Session], Publication], *, name: str
+        self, settings: PublishingSettings, publish: Callable[[zenoh.Session], Publication], *, name: str
     ) -> None:
         self.refused: RunError | None = None
         self._settings = settings
@@ -85,13 +84,7 @@ class ZenohLink:
         return publication is not None and (not self._settings.connect or publication.is_connected())
 
     def _close(self, within_s: float) -> None:
-        """Closes in a thread of its own: a router that hangs holds a session for longer than a user waits."""
-        if self._publication is None:
-            return
-        closer = threading.Thread(target=self._publication.close, name=f"{self._name}-close", daemon=True)
-        closer.start()
-        closer.join(within_s)
-        if closer.is_alive():
+        if self._publication is not None and not closes_within(self._publication.close, within_s):
             log.warning("%s: the session did not close in time", self._name)
 
     def _open_until_stopped(self) -> None:

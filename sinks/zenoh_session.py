@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import re
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -13,6 +12,7 @@ import zenoh
 import zenoh.ext
 
 from pipeline.verdict import ALIGNED_SCHEMA, EVENT_SCHEMA, STATUS_SCHEMA, VERDICT_SCHEMA, Message
+from pipeline.zenoh_network import is_linked
 
 log = logging.getLogger("syncwatch.sinks.zenoh")
 
@@ -34,19 +34,6 @@ CONGESTION = {
     ALIGNED_SCHEMA: zenoh.CongestionControl.DROP,
     JPEG: zenoh.CongestionControl.DROP,
 }
-
-
-SOURCE_PLACE = re.compile(r"\.? at /\S+\.rs:\d+\.?")
-
-
-def first_words(error: zenoh.ZError) -> str:
-    """What went wrong, without the places in Zenoh's own source."""
-    return SOURCE_PLACE.sub("", str(error).splitlines()[0])
-
-
-def is_linked(session: zenoh.Session) -> bool:
-    """Whether anybody is at the other end of the session."""
-    return bool(session.info.routers_zid() or session.info.peers_zid())
 
 
 def encoding(schema: str) -> zenoh.Encoding:

@@ -5,12 +5,10 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Annotated
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Annotated, Generic, Protocol, TypeVar
 
 from pydantic import Field
-
-from pipeline.frame import Frame
 
 log = logging.getLogger("syncwatch.sources")
 
@@ -18,12 +16,23 @@ CameraName = Annotated[str, Field(pattern="^[a-z0-9_]+$")]
 Fps = Annotated[float, Field(ge=0.001, le=10_000)]
 FramesAhead = Annotated[int, Field(ge=1, le=1000)]
 
+ARRIVAL_CLOCK = "monotonic"
+"""Clock of stamps that are those of arrival: CLOCK_MONOTONIC of this machine; drivers' stamps may be of it, too."""
+
 FRAMES_AHEAD = 16
 """Frames of a camera that may wait: half a second at 30 fps, which is as long as pairing waits for a camera."""
 
 
-class Inbox:
-    """Frames of live cameras on their way to whoever judges them: many putters, one reader.
+class Delivered(Protocol):
+    @property
+    def camera(self) -> str: ...
+
+
+Item = TypeVar("Item", bound=Delivered)
+
+
+class Inbox(Generic[Item]):
+    """Frames of live cameras, or what is to become frames, on their way to a reader: many putters, one reader.
 
     `put` never waits: when `frames_ahead` frames of a camera are waiting, its oldest gives way, whole, and is counted
     in `dropped`, so that a camera that floods costs no other camera a frame.
@@ -31,7 +40,7 @@ class Inbox:
 
     def __init__(self, cameras: Iterable[str], *, frames_ahead: int = FRAMES_AHEAD) -> None:
         self._frames_ahead = frames_ahead
-        self._waiting: deque[Frame] = deque()
+        self._waiting: deque[Item] = deque()
         self._changed = threading.Condition()
         self._ended = False
         self._error: Exception | None = None
@@ -43,19 +52,19 @@ class Inbox:
         """Frames that gave way, by camera."""
         return dict(self._dropped)
 
-    def put(self, frame: Frame) -> bool:
+    def put(self, item: Item) -> bool:
         """Adds a frame; whether it was accepted: after the end none is."""
         with self._changed:
             if self._ended:
                 return False
-            if self._held[frame.camera] >= self._frames_ahead:
-                self._drop_oldest(frame.camera)
-            self._waiting.append(frame)
-            self._held[frame.camera] += 1
+            if self._held[item.camera] >= self._frames_ahead:
+                self._drop_oldest(item.camera)
+            self._waiting.append(item)
+            self._held[item.camera] += 1
             self._changed.notify_all()
             return True
 
-    def frames(self) -> Iterator[Frame]:
+    def read(self) -> Iterator[Item]:
         """Frames in order of arrival, until the end. Raises what `end` was given, after the last of them."""
         while True:
             with self._changed:
@@ -65,9 +74,9 @@ class Inbox:
                     if self._error is not None:
                         raise self._error
                     return
-                frame = self._waiting.popleft()
-                self._held[frame.camera] -= 1
-            yield frame
+                item = self._waiting.popleft()
+                self._held[item.camera] -= 1
+            yield item
 
     def end(self, error: Exception | None = None) -> None:
         """No more frames will come; those that wait are still read. The first end counts."""
@@ -94,3 +103,17 @@ class Inbox:
         del self._waiting[place]
         self._held[camera] -= 1
         self._dropped[camera] += 1
+
+
+def feed(inbox: Inbox[Item], work: Callable[[], None], name: str) -> threading.Thread:
+    """Starts a thread that fills the inbox until it is told to end; should it fail, the reader gets its exception."""
+
+    def run() -> None:
+        try:
+            work()
+        except Exception as error:
+            inbox.end(error)
+
+    thread = threading.Thread(target=run, name=name, daemon=True)
+    thread.start()
+    return thread

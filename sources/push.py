@@ -12,9 +12,7 @@ from pydantic import Field
 from pipeline.errors import InputError
 from pipeline.frame import Camera, Frame, Picture, StampOrigin, StampReference
 from pipeline.settings import Settings
-from sources.live import FRAMES_AHEAD, CameraName, Fps, FramesAhead, Inbox
-
-ARRIVAL_CLOCK = "monotonic"
+from sources.live import ARRIVAL_CLOCK, FRAMES_AHEAD, CameraName, Fps, FramesAhead, Inbox
 
 
 class PushSettings(Settings):
@@ -41,7 +39,7 @@ class PushSource:
     def __init__(self, settings: PushSettings, *, clock_ns: Callable[[], int] = time.monotonic_ns) -> None:
         self._settings = settings
         self._clock_ns = clock_ns
-        self._inbox = Inbox(settings.cameras, frames_ahead=settings.frames_ahead)
+        self._inbox: Inbox[Frame] = Inbox(settings.cameras, frames_ahead=settings.frames_ahead)
         self._shapes: dict[str, tuple[int, ...]] = {}
         self._attached = False
 
@@ -63,7 +61,7 @@ class PushSource:
     def frames(self) -> Iterator[Frame]:
         if not self._attached:
             raise InputError("source push: a program has to hand over the frames: see syncwatch.Monitor")
-        yield from self._inbox.frames()
+        yield from self._inbox.read()
 
     def push(
         self,

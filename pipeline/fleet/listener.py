@@ -15,8 +15,8 @@ import zenoh.ext
 
 from pipeline.fleet.messages import HeardEvent, HeardStatus, HeardVerdict, read
 from pipeline.fleet.table import MAX_EVENTS, Fleet
-from sinks.zenoh_session import first_words, is_linked
-from sinks.zenoh_settings import RETRY_EVERY_S, ZenohSettings, session_config
+from pipeline.zenoh_network import RETRY_EVERY_S, first_words, is_linked, session_config
+from sinks.zenoh_settings import ZenohSettings
 
 log = logging.getLogger("syncwatch.fleet")
 

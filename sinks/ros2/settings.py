@@ -6,10 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sinks.zenoh_settings import Endpoint, NetworkSettings
+from pipeline.zenoh_network import Endpoint
+from sinks.zenoh_settings import PublishingSettings
 
 
-class Ros2Settings(NetworkSettings):
+class Ros2Settings(PublishingSettings):
     """By default a client of the router of this machine that rmw_zenoh's nodes use (ros2 run rmw_zenoh_cpp rmw_zenohd).
 
     domain_id: as ROS_DOMAIN_ID of the nodes that are to hear. node: the name this appears under in `ros2 node list`;

@@ -9,11 +9,11 @@ from contextlib import ExitStack
 import zenoh
 
 from pipeline.verdict import Report, Status
+from pipeline.zenoh_network import is_linked
 from sinks.ros2 import wire
 from sinks.ros2.diagnostics import diagnostics
 from sinks.ros2.settings import Ros2Settings
 from sinks.zenoh_link import ZenohLink
-from sinks.zenoh_session import is_linked
 
 __all__ = ["Ros2Settings", "Ros2Sink"]
 

@@ -10,7 +10,8 @@ LOGGER = logging.getLogger("syncwatch.sources.replay")
 class Notices:
     """Says each sentence once, however often a recording loops."""
 
-    def __init__(self) -> None:
+    def __init__(self, logger: logging.Logger = LOGGER) -> None:
+        self._logger = logger
         self._said: set[str] = set()
 
     def info(self, text: str) -> None:
@@ -22,4 +23,4 @@ class Notices:
     def _say(self, level: int, text: str) -> None:
         if text not in self._said:
             self._said.add(text)
-            LOGGER.log(level, text)
+            self._logger.log(level, text)

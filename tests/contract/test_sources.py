@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
 
 from pipeline.faults.seq_offset import SeqOffset, SeqOffsetSettings
 from pipeline.faults.source import FaultedSource
-from pipeline.frame import Source
+from pipeline.frame import Frame, Source
 from sources.push import PushSettings, PushSource
 from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
+from sources.zenoh.settings import ZenohSourceSettings
+from sources.zenoh.source import ZenohSource
 from syncwatch.testing import ScriptedSource
 from tests.frames import PERIOD_NS, RIG, frame
+from tests.network import free_endpoint
 from tests.programs import write_folders
+from tests.publishing import publishing
 from tests.recorded import record
 
 Make = Callable[..., Source]
@@ -63,12 +69,37 @@ def pushed(_, *, endless: bool) -> Source:
     return source
 
 
-LIVE = {"pushed"}
+def published(folder, *, endless: bool) -> Source:
+    """Of pictures that are published while the test lasts."""
+    endpoint = (folder / "endpoint").read_text()
+    cameras = {name: {"key": f"0/contract/{name}/**", "fps": 10} for name in ("left", "right")}
+    return ZenohSource(ZenohSourceSettings.model_validate({"connect": [endpoint], "cameras": cameras}))
 
 
-@pytest.fixture(params=[synthetic, replayed, recorded, faulted, scripted, pushed], ids=lambda make: make.__name__)
-def make(request, tmp_path) -> Make:
-    return lambda *, endless=False: request.param(tmp_path, endless=endless)
+LIVE = {"pushed", "published"}
+
+
+@pytest.fixture(
+    params=[synthetic, replayed, recorded, faulted, scripted, pushed, published], ids=lambda make: make.__name__
+)
+def make(request, tmp_path) -> Iterator[Make]:
+    with ExitStack() as stack:
+        if request.param is published:
+            endpoint = free_endpoint()
+            (tmp_path / "endpoint").write_text(endpoint)
+            stack.enter_context(publishing(endpoint, "contract"))
+        yield lambda *, endless=False: request.param(tmp_path, endless=endless)
+
+
+def first_frames(source: Source, count: int = 5) -> list[Frame]:
+    """Until every camera has shown so many; a source of less ends by itself."""
+    frames = []
+    for item in source.frames():
+        frames.append(item)
+        seen = Counter(one.camera for one in frames)
+        if len(seen) == 2 and min(seen.values()) >= count:
+            source.stop()
+    return frames
 
 
 def test_cameras_are_known_once_it_is_open(make):
@@ -82,19 +113,19 @@ def test_cameras_are_known_once_it_is_open(make):
 def test_frames_of_one_camera_come_in_order_and_belong_to_known_cameras(make):
     source = make()
     source.open()
-    frames = list(source.frames())
+    frames = first_frames(source)
     source.close()
     assert {item.camera for item in frames} == {"left", "right"}
     for name in ("left", "right"):
         stamps = [item.captured_ns for item in frames if item.camera == name]
-        assert len(stamps) == 5
+        assert len(stamps) >= 5
         assert stamps == sorted(stamps)
 
 
 def test_pictures_cannot_be_written_to(make):
     source = make()
     source.open()
-    for item in source.frames():
+    for item in first_frames(source):
         with pytest.raises(ValueError, match="read-only"):
             item.image[0, 0] = 1
     source.close()

@@ -19,9 +19,9 @@ from pipeline.event_log import read_events
 from pipeline.fleet.listener import FleetListener
 from pipeline.plan import make_plan
 from pipeline.verdict import Basis, Cause, Event, State, Verdict
+from pipeline.zenoh_network import session_config
 from sinks.events import EventsSettings, EventsSink
 from sinks.zenoh import ZenohSettings, ZenohSink
-from sinks.zenoh_settings import session_config
 from tests.network import wait_for
 from tests.programs import syncwatch
 from tests.schemas import check

@@ -14,8 +14,8 @@ import zenoh
 
 from pipeline.errors import RunError
 from pipeline.verdict import Basis, Cause, Event, Level, State, Status, Verdict
+from pipeline.zenoh_network import session_config
 from sinks.zenoh import ZenohSettings, ZenohSink
-from sinks.zenoh_settings import session_config
 from tests.network import free_endpoint, router, subscriber, wait_for
 from tests.programs import ROOT
 

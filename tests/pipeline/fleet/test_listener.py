@@ -13,8 +13,8 @@ import zenoh
 from pipeline.fleet.listener import FleetListener
 from pipeline.fleet.table import Presence
 from pipeline.verdict import Basis, Cause, Event, Level, State, Status, Verdict
+from pipeline.zenoh_network import session_config
 from sinks.zenoh import ZenohSettings, ZenohSink
-from sinks.zenoh_settings import session_config
 from tests.network import free_endpoint, router, wait_for
 from tests.programs import ROOT
 

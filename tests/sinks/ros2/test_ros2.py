@@ -14,8 +14,8 @@ from pydantic import ValidationError
 
 from pipeline.errors import RunError
 from pipeline.verdict import Basis, CameraStatus, Cause, Level, PairStatus, State, Status, Verdict
+from pipeline.zenoh_network import NetworkSettings, session_config
 from sinks.ros2.sink import Ros2Settings, Ros2Sink, node_name
-from sinks.zenoh_settings import NetworkSettings, session_config
 from tests.network import free_endpoint, router, wait_for
 
 TYPE = "diagnostic_msgs::msg::dds_::DiagnosticArray_"

@@ -1,0 +1,1 @@
+"""Pictures that others publish over Zenoh."""
