@@ -45,6 +45,7 @@ from pipeline.faults.stamps import (
     StampRepeatSettings,
 )
 from pipeline.faults.swap import Swap, SwapSettings
+from pipeline.found import Finder
 from pipeline.frame import NS_PER_MS, Camera, Detector, Pair, Renderer, Rig, Source
 from pipeline.geometry.rig import RigGeometry
 from pipeline.health.observer import Observer
@@ -68,6 +69,9 @@ from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
+from sources.v4l2.listing import v4l2_cameras
+from sources.v4l2.settings import V4l2Settings
+from sources.v4l2.source import V4l2Source
 from sources.zenoh.settings import ZenohSourceSettings
 from sources.zenoh.source import ZenohSource
 
@@ -130,6 +134,7 @@ KINDS = Kinds(
             "replay": Kind(ReplaySettings, lambda s, plan: ReplaySource(s, base=plan.base)),
             "push": Kind(PushSettings, lambda s, _: PushSource(s)),
             "zenoh": Kind(ZenohSourceSettings, lambda s, _: ZenohSource(s)),
+            "v4l2": Kind(V4l2Settings, lambda s, _: V4l2Source(s)),
         },
         "faults": {
             "slip": Kind(SlipSettings, lambda s, c, seed, r: Slip(s.type, s, c, seed, s.frames, r)),
@@ -181,6 +186,9 @@ KINDS = Kinds(
         "sinks": lambda made: lambda s, k: made(s, rig=k.rig),
     },
 )
+
+FINDERS: tuple[Finder, ...] = (v4l2_cameras,)
+"""What looks for the cameras of this machine, in the order in which they are listed."""
 
 
 def build_source(

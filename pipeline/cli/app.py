@@ -9,6 +9,7 @@ import sys
 import click
 
 from pipeline.assemble import version
+from pipeline.cli.cameras import cameras
 from pipeline.cli.check import check
 from pipeline.cli.common import BAD_INPUT, FAILED, report, set_up_logging
 from pipeline.cli.configure import init, schema, validate
@@ -56,6 +57,7 @@ for command in (
     dashboard,
     watch,
     events,
+    cameras,
 ):
     app.add_command(command)
 

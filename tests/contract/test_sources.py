@@ -18,6 +18,8 @@ from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
+from sources.v4l2.settings import V4l2Settings
+from sources.v4l2.source import V4l2Source
 from sources.zenoh.settings import ZenohSourceSettings
 from sources.zenoh.source import ZenohSource
 from syncwatch.testing import ScriptedSource
@@ -26,6 +28,7 @@ from tests.network import free_endpoint
 from tests.programs import write_folders
 from tests.publishing import publishing
 from tests.recorded import record
+from tests.sources.v4l2_kernel import FakeCamera, Machine, Shot
 
 Make = Callable[..., Source]
 
@@ -76,11 +79,29 @@ def published(folder, *, endless: bool) -> Source:
     return ZenohSource(ZenohSourceSettings.model_validate({"connect": [endpoint], "cameras": cameras}))
 
 
-LIVE = {"pushed", "published"}
+def v4l2(folder, *, endless: bool) -> Source:
+    """Two cameras on a scripted kernel, which end by being stopped: of themselves they never do."""
+    machine = Machine(folder)
+    ended = []
+
+    def end():
+        ended.append(True)
+        if len(ended) == 2:
+            source.stop()
+
+    for number in range(2):
+        steps = [] if endless else [*[Shot()] * 5, end]
+        machine.plug(f"video{number}", FakeCamera(steps, bus=f"usb-{number}"))
+    cameras = {name: {"device": f"usb-{number}"} for number, name in enumerate(("left", "right"))}
+    source = V4l2Source(V4l2Settings(cameras=cameras), host=machine.host)
+    return source
+
+
+LIVE = {"pushed", "published", "v4l2"}
 
 
 @pytest.fixture(
-    params=[synthetic, replayed, recorded, faulted, scripted, pushed, published], ids=lambda make: make.__name__
+    params=[synthetic, replayed, recorded, faulted, scripted, pushed, published, v4l2], ids=lambda make: make.__name__
 )
 def make(request, tmp_path) -> Iterator[Make]:
     with ExitStack() as stack:
