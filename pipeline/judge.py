@@ -33,6 +33,8 @@ class JudgeSettings(Settings):
 class Judge:
     """One verdict a pair and frame of its first camera; while that camera is missing, one a second.
 
+    That the second one is missing is told at once as well, where frames of the first are held back for it.
+
     trust_stamps: take synthesised stamps for evidence. Under `classic` they always are: the report's rule has no notion
     of where a stamp comes from. ranges: by pair, what to say of the offset's effect on a range.
     """
@@ -69,7 +71,7 @@ class Judge:
         return [verdict for verdict in said if verdict is not None]
 
     def silence(self, observation: Observation) -> list[Verdict]:
-        """The verdicts of pairs whose first camera is missing, while no window comes at all: call it once a second."""
+        """The verdicts of pairs of which a camera is missing, while no window comes at all: call it once a second."""
         said = (one.silence(observation) for one in self._pairs)
         return [verdict for verdict in said if verdict is not None]
 

@@ -173,6 +173,7 @@ class WeighedPair(PairJudge):
         self._doubted_since: int | None = None
         self._windows_a_second = max(1, round(rig.camera(pair.first).fps))
         self._silent_windows = 0
+        self._second_told = False
 
     def first_is_silent(self, seen: Observation) -> Verdict | None:
         """One verdict when the camera is found missing, and one a second of the windows that others go on to fill."""
@@ -184,16 +185,22 @@ class WeighedPair(PairJudge):
         return self.silence(seen) if due else None
 
     def silence(self, seen: Observation) -> Verdict | None:
-        if not seen.has(self._pair.first, Note.MISSING):
+        """Of the second camera once: frames of the first tell of it as soon as they are no longer held for it."""
+        if seen.has(self._pair.first, Note.MISSING):
+            return self.verdict(Ruling(State.ASYNC, Cause.MISSING, camera=self._pair.first), [], seen)
+        if not seen.has(self._pair.second, Note.MISSING) or self._second_told:
             return None
-        return self.verdict(Ruling(State.ASYNC, Cause.MISSING, camera=self._pair.first), [], seen)
+        self._second_told = True
+        return self.verdict(Ruling(State.ASYNC, Cause.MISSING, camera=self._pair.second), [], seen)
 
     def unpaired(self, seen: Observation) -> Ruling:
         if seen.has(self._pair.second, Note.MISSING):
+            self._second_told = True
             return Ruling(State.ASYNC, Cause.MISSING, camera=self._pair.second)
         return super().unpaired(seen)
 
     def rule(self, first: Frame, second: Frame, evidence: Sequence[Evidence], seen: Observation) -> Ruling:
+        self._second_told = False
         stamps = self._stamps.see(first, second, of_basis(evidence, Basis.TIMESTAMPS))
         frozen = self._which(Note.FROZEN, seen)
         if frozen is not None:

@@ -29,7 +29,10 @@ WINDOWS_AHEAD = 4
 """Windows that may wait for detection: a tenth of a second of jitter, without piling up latency."""
 
 POLL_S = 0.1
-"""How often an idle run looks whether it should end or a status is due."""
+"""How often an idle run looks whether it should end or a status is due. That of a live rig does so every period if that
+is shorter: cameras are called missing within three periods and half a second of their last frame."""
+
+LEAST_POLL_S = 0.01
 
 STATUS_EVERY_NS = NS_PER_S
 
@@ -82,7 +85,12 @@ class Run:
         self._stopping = False  # a plain flag: a signal handler may set it at any moment
         self._status_due_ns = monotonic_ns()
         self._live = live
+        self._poll_s = POLL_S
+        if live:
+            shortest_s = min((camera.period_ns for camera in parts.source.cameras), default=0) / NS_PER_S
+            self._poll_s = min(POLL_S, max(LEAST_POLL_S, shortest_s))
         self._silence_due_ns = 0
+        self._told_silent: set[tuple[str, str | None]] = set()
         self._stop_at_ns = None if stop_after_s is None else monotonic_ns() + round(stop_after_s * NS_PER_S)
 
     def stop(self) -> None:
@@ -197,7 +205,7 @@ class Run:
             if stop_by is not None and time.monotonic() > stop_by and self._reader.is_alive():
                 raise RunError(f"the source did not stop within {PATIENCE_S:.0f} s")
             try:
-                seen = self._windows.get(timeout_s=POLL_S)
+                seen = self._windows.get(timeout_s=self._poll_s)
             except TimeoutError:
                 self._listen()
                 self._report_status_if_due()
@@ -207,13 +215,17 @@ class Run:
             self._handle(seen.window, seen.observation)
 
     def _listen(self) -> None:
-        """No window has come: live cameras may all be silent."""
-        now_ns = self._monotonic_ns()
-        if not self._live or now_ns < self._silence_due_ns:
+        """No window has come: live cameras may be silent. Each is told of at once and, if first, once a second."""
+        if not self._live:
             return
+        now_ns = self._monotonic_ns()
         said = self._parts.judge.silence(Observation(lasting=self._parts.observer.tick(now_ns)))
-        if said:
+        if now_ns >= self._silence_due_ns:
             self._silence_due_ns = now_ns + NS_PER_S
+            self._told_silent.clear()
+        said = [verdict for verdict in said if (verdict.pair, verdict.camera) not in self._told_silent]
+        if said:
+            self._told_silent |= {(verdict.pair, verdict.camera) for verdict in said}
             self._tell(said)
 
     def _handle(self, window: Window, observation: Observation) -> None:

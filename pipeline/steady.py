@@ -97,8 +97,8 @@ class Steady:
 
 
 def alike(one: Verdict, other: Verdict) -> bool:
-    """Whether two verdicts say the same: state, cause and, to half a frame and unless it runs away, offset."""
-    if (one.state, one.cause) != (other.state, other.cause):
+    """Whether two verdicts say the same: state, cause, camera and, to half a frame unless it runs away, offset."""
+    if (one.state, one.cause, one.camera) != (other.state, other.cause, other.camera):
         return False
     if one.cause is Cause.FREE_RUN or one.offset_frames is None or other.offset_frames is None:
         return True

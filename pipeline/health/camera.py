@@ -135,13 +135,16 @@ class CameraHealth:
         new = self._admit(frame, notes)
         return Taken(new, tuple(notes))
 
-    def tick(self, now_ns: int) -> Sequence[Note]:
+    def tick(self, now_ns: int, arrived_ns: int | None = None) -> Sequence[Note]:
         """Takes the host's monotonic time, of which `arrived_ns` is; the lasting notes that hold.
 
-        Silence counts from the last frame, before the first one from the first tick.
+        Silence counts from the last frame, before the first one from the first tick. arrived_ns: when the latest frame
+        came, if it has not been taken yet.
         """
         if self._heard_ns is None:
             self._heard_ns = now_ns
+        if arrived_ns is not None and arrived_ns > self._heard_ns:
+            self._heard_ns, self._silence = arrived_ns, None
         self.silent_for(now_ns - self._heard_ns)
         return self.lasting()
 

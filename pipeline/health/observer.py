@@ -48,9 +48,11 @@ class Observer:
         self._lock = threading.Lock()
         self._health = RigHealth(cameras, pictures=pictures)
         self._waiting: dict[str, deque[Frame]] = {camera.name: deque() for camera in cameras}
+        self._arrived_ns: dict[str, int] = {}
         self._ended: set[str] = set()
 
     def push(self, frame: Frame) -> None:
+        self._arrived_ns[frame.camera] = frame.arrived_ns
         waiting = self._waiting[frame.camera]
         waiting.append(frame)
         if len(waiting) > MOST_WAITING:
@@ -73,9 +75,12 @@ class Observer:
         return Observation(moment, self._without_ended(lasting))
 
     def tick(self, now_ns: int) -> Notes:
-        """Takes the host's monotonic time, of which `arrived_ns` of live frames is; the conditions that last."""
+        """Takes the host's monotonic time, of which `arrived_ns` of live frames is; the conditions that last.
+
+        A camera whose frames wait for those of another one is not silent.
+        """
         with self._lock:
-            return {camera: tuple(notes) for camera, notes in self._health.tick(now_ns).items()}
+            return {camera: tuple(notes) for camera, notes in self._health.tick(now_ns, self._arrived_ns).items()}
 
     def report(self) -> Mapping[str, CameraReport]:
         with self._lock:

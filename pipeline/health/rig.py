@@ -68,9 +68,13 @@ class RigHealth:
                 self._judge_pictures(place)
         return taken.notes
 
-    def tick(self, now_ns: int) -> Mapping[str, Sequence[Note]]:
-        """Takes the host's monotonic time; the lasting notes of every camera. For live cameras only."""
-        return {name: place.health.tick(now_ns) for name, place in self._places.items()}
+    def tick(self, now_ns: int, arrived_ns: Mapping[str, int] | None = None) -> Mapping[str, Sequence[Note]]:
+        """Takes the host's monotonic time; the lasting notes of every camera. For live cameras only.
+
+        arrived_ns: by camera, when its latest frame came, which may not have been taken yet.
+        """
+        heard = arrived_ns or {}
+        return {name: place.health.tick(now_ns, heard.get(name)) for name, place in self._places.items()}
 
     def lasting(self) -> Mapping[str, Sequence[Note]]:
         """The conditions of every camera that hold now."""

@@ -192,7 +192,16 @@ def test_a_first_camera_that_is_missing_is_told_at_once_and_once_a_second():
     assert {(one.frame, one.state, one.cause, one.camera) for _, one in said} == {(None, ASYNC, Cause.MISSING, "left")}
     (silent,) = judge.silence(DEAD_LEFT)
     assert silent.cause is Cause.MISSING
+
+
+def test_a_second_camera_that_is_missing_is_told_once_before_the_frames_that_waited_for_it():
+    judge = Judge(JudgeSettings(), RIG)
+    assert judge.silence(Observation()) == []
+    (silent,) = judge.silence(DEAD_RIGHT)
+    assert (silent.frame, silent.state, silent.cause, silent.camera) == (None, ASYNC, Cause.MISSING, "right")
     assert judge.silence(DEAD_RIGHT) == []
+    judge.judge(window(left=frame("left", 0), right=frame("right", 0)), [])
+    assert len(judge.silence(DEAD_RIGHT)) == 1
 
 
 @pytest.mark.parametrize("camera", ["left", "right"])

@@ -22,7 +22,7 @@ from pipeline.health.observer import Observer
 from pipeline.judge import Judge, JudgeSettings
 from pipeline.run import Parts, Run
 from pipeline.status import StatusKeeper
-from pipeline.verdict import Cause, Evidence, Level, Report, Sink, State
+from pipeline.verdict import Cause, Event, Evidence, Level, Report, Sink, State
 from syncwatch.testing import ListSink, ScriptedSource, Step
 from tests.frames import PERIOD_NS, RIG, frame
 
@@ -56,6 +56,10 @@ def run_of(
         ),
         **options,
     )
+
+
+SLOW_NS = 500_000_000
+"""What a busy machine may be late by."""
 
 
 @pytest.fixture
@@ -351,6 +355,30 @@ def test_live_cameras_that_all_fall_silent_are_told_by_the_clock_and_once_a_seco
         ("end", Cause.MISSING, "left"),
     ]
     assert sink.statuses[-1].level is Level.ERROR
+
+
+@pytest.mark.parametrize(("silent", "other"), [("left", "right"), ("right", "left")])
+def test_one_live_camera_that_falls_silent_is_told_of_alone_and_within_its_time(silent, other):
+    def stream():
+        """Ten frames a second, of both cameras for a second, then of one."""
+        for n in range(25):
+            time.sleep(0.1)
+            for name in (silent, other) if n < 10 else (other,):
+                now_ns = time.monotonic_ns()
+                last_ns[name] = now_ns
+                yield frame(name, n * PERIOD_NS, n, arrived_ns=now_ns)
+
+    last_ns: dict[str, int] = {}
+    told_ns: list[int] = []
+    sink = ListSink()
+    run = run_of(stream(), sink, live=True)
+    run._parts.on_report = lambda report: told_ns.append(time.monotonic_ns()) if isinstance(report, Event) else None
+    run.execute()
+    assert [(event.phase, event.cause, event.camera) for event in sink.events] == [
+        ("onset", Cause.MISSING, silent),
+        ("end", Cause.MISSING, silent),
+    ]
+    assert told_ns[0] - last_ns[silent] <= 3 * PERIOD_NS + 500_000_000 + SLOW_NS
 
 
 def test_a_recording_that_is_read_slowly_is_not_a_silent_rig():

@@ -70,6 +70,18 @@ def test_frames_that_never_get_into_a_window_are_not_kept_for_ever():
     assert observer.report()["left"].frames == 50
 
 
+def test_a_live_camera_whose_frames_are_held_for_another_one_is_not_missing():
+    observer = Observer(RIG.cameras)
+    observer.push(LEFT[0])
+    observer.push(RIGHT[0])
+    observer.see(at(0, LEFT[0], RIGHT[0]))
+    for n in range(1, 12):
+        observer.push(LEFT[n])
+    assert observer.tick(12 * PERIOD_NS) == {"left": (), "right": (Note.MISSING,)}
+    observer.push(RIGHT[12])
+    assert observer.tick(13 * PERIOD_NS) == {"left": (), "right": ()}
+
+
 def test_a_live_camera_is_found_missing_by_the_host_clock():
     observer = Observer(RIG.cameras)
     for n in range(5):
