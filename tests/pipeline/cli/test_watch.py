@@ -139,7 +139,7 @@ def test_where_nobody_looks_changes_are_lines_and_json_comes_once_a_second(prefi
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--mode", "client"), "mode: client needs a router"),
+        (("--mode", "client"), "--mode client: needs a router"),
         (("--connect", "router"), "--connect: 'router' is not an endpoint"),
         (("a//b",), "PREFIX: 'a//b' is not a key"),
         (("--for", "soon"), "--for 'soon': expected a duration"),
