@@ -61,6 +61,7 @@ from sinks.events import EventsSettings, EventsSink
 from sinks.jsonl import JsonlSettings, JsonlSink
 from sinks.mcap.settings import McapSettings
 from sinks.mcap.sink import McapSink
+from sinks.pictures import PicturesSettings, PicturesSink
 from sinks.prometheus import PrometheusSettings, PrometheusSink
 from sinks.ros2.sink import Ros2Settings, Ros2Sink
 from sinks.zenoh import ZenohSettings, ZenohSink
@@ -175,6 +176,7 @@ KINDS = Kinds(
             "events": Kind(EventsSettings, lambda s, k: EventsSink(s, base=k.plan.base, rig=k.rig.name)),
             "jsonl": Kind(JsonlSettings, lambda s, k: JsonlSink(s, base=k.plan.base)),
             "mcap": Kind(McapSettings, _mcap_sink),
+            "pictures": Kind(PicturesSettings, lambda s, k: PicturesSink(s, rig=k.rig.name)),
             "prometheus": Kind(PrometheusSettings, lambda s, k: PrometheusSink(s, rig=k.rig.name, version=version())),
             "ros2": Kind(Ros2Settings, lambda s, k: Ros2Sink(s, rig=k.rig.name)),
             "zenoh": Kind(ZenohSettings, lambda s, k: ZenohSink(s, rig=k.rig.name, history=_past_events(k))),

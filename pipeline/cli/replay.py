@@ -8,6 +8,7 @@ import click
 
 from pipeline.cli.common import execute, set_option
 from pipeline.cli.recording import DEFAULT_DETECTORS, RecordingOptions, recording_options, recording_plan
+from pipeline.errors import InputError
 
 
 @click.command()
@@ -18,6 +19,10 @@ from pipeline.cli.recording import DEFAULT_DETECTORS, RecordingOptions, recordin
 )
 @click.option("--detectors", metavar="A,B", help=f"Which detectors judge (default: {','.join(DEFAULT_DETECTORS)}).")
 @click.option("--jsonl", metavar="FILE", help="Write every verdict as a line of JSON; - is standard output.")
+@click.option("--publish", is_flag=True, help="At real speed, with every picture and the status on Zenoh.")
+@click.option(
+    "--connect", multiple=True, metavar="ENDPOINT", help="With --publish: the router, e.g. tcp/192.168.1.5:7447."
+)
 @set_option
 def replay(
     path: tuple[str, ...],
@@ -25,19 +30,23 @@ def replay(
     faults: tuple[str, ...],
     detectors: str | None,
     jsonl: str | None,
+    publish: bool,
+    connect: tuple[str, ...],
     overrides: tuple[str, ...],
 ) -> int:
-    """Judge the recording at PATH at full speed, every frame.
+    """Judge the recording at PATH, every frame, at full speed, or with --publish at its own.
 
     PATH is an MCAP file, a ROS 1 or ROS 2 bag, a folder in a known format (EuRoC, TUM-VI, KITTI, caliscope, depthai,
     image folders, video files), a video with both views, or one image folder or video file a camera.
     """
-    plan = recording_plan(path, options, faults=faults, detectors=detectors, sinks=_sinks(jsonl), overrides=overrides)
-    return execute(plan)
-
-
-def _sinks(jsonl: str | None) -> dict[str, Any]:
+    if connect and not publish:
+        raise InputError("--connect is of --publish: without it nothing is sent")
     sinks: dict[str, Any] = {"console": {}}
     if jsonl is not None:
         sinks["jsonl"] = {"path": jsonl}
-    return sinks
+    if publish:
+        network = {"mode": "client", "connect": list(connect)} if connect else {}
+        sinks |= {"zenoh": network, "pictures": network}
+        overrides = ("source.speed=1.0", *overrides)
+    plan = recording_plan(path, options, faults=faults, detectors=detectors, sinks=sinks, overrides=overrides)
+    return execute(plan)

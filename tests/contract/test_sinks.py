@@ -13,6 +13,7 @@ from sinks.events import EventsSettings, EventsSink
 from sinks.jsonl import JsonlSettings, JsonlSink
 from sinks.mcap.settings import McapSettings
 from sinks.mcap.sink import McapSink
+from sinks.pictures import PicturesSettings, PicturesSink
 from sinks.prometheus import PrometheusSettings, PrometheusSink
 from sinks.ros2.sink import Ros2Settings, Ros2Sink
 from sinks.zenoh import ZenohSettings, ZenohSink
@@ -45,6 +46,8 @@ def make(kind: str, folder) -> Sink:
         return McapSink(settings, base=folder, rig=RIG, detectors=["offset"], version="0", live=False)
     if kind == "events":
         return EventsSink(EventsSettings(), base=folder, rig="bench")
+    if kind == "pictures":
+        return PicturesSink(PicturesSettings(), rig="bench")
     if kind == "prometheus":
         return PrometheusSink(PrometheusSettings(listen="127.0.0.1:0"), rig="bench", version="0")
     if kind == "ros2":
@@ -61,6 +64,7 @@ KINDS = [
     "events",
     "zenoh",
     "zenoh-preview",
+    "pictures",
     "prometheus",
     "ros2",
     "list",
