@@ -110,7 +110,7 @@ def _ms(value_ns: int | None) -> float | None:
 class Marks:
     """Collects the marks of one pair from reports as they come: each note when it is seen for the first time.
 
-    most: events beyond it are counted in `left_out` and not kept.
+    most: what comes after as many is not kept; `left_out` counts such events.
     """
 
     def __init__(self, pair: str, fps: float, most: int | None = None) -> None:
@@ -126,13 +126,18 @@ class Marks:
     def add(self, report: Report) -> None:
         if isinstance(report, Verdict) and report.pair == self._pair:
             self._count, self._last = self._count + 1, report
-            self.marks += [Mark(self._at_s, "note", note) for note in report.notes if note not in self._seen]
-            self._seen.update(report.notes)
+            for note in report.notes:
+                if note not in self._seen and self._room():
+                    self._seen.add(note)
+                    self.marks.append(Mark(self._at_s, "note", note))
         elif isinstance(report, Event) and report.pair in {self._pair, None}:
-            if self._most is not None and len(self.marks) >= self._most:
-                self.left_out += 1
-            else:
+            if self._room():
                 self.marks.append(_event(report, self._at_s, self._last, self._fps))
+            else:
+                self.left_out += 1
+
+    def _room(self) -> bool:
+        return self._most is None or len(self.marks) < self._most
 
     @property
     def _at_s(self) -> float:

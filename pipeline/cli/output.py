@@ -13,7 +13,9 @@ def output_file(option: str, name: str, inputs: Sequence[str] = ()) -> Path:
     """The file an option names. inputs: what is read, which must not be written over. Raises InputError."""
     target = Path(name)
     what = None
-    if target.is_dir():
+    if name == "-":
+        what = "a file is needed"
+    elif target.is_dir():
         what = "it is a folder"
     elif not target.parent.is_dir():
         what = f"there is no folder {target.parent}"

@@ -12,6 +12,7 @@ from pipeline.cli.check import seconds
 from pipeline.cli.common import execute, set_option
 from pipeline.cli.output import output_file, write_output
 from pipeline.cli.recording import RecordingOptions, plan_of, recording_options
+from pipeline.errors import InputError
 from pipeline.frame import Rig
 from pipeline.report.numbers import to_message
 from pipeline.report.recorder import Recorder
@@ -41,7 +42,10 @@ def report(
     The page is one file that needs nothing else. Exit status 0: it was written, whatever it says.
     """
     page_file = output_file(OUTPUT, output, path)
-    numbers_file = None if json_file in {None, "-"} else output_file(JSON, str(json_file), (*path, output))
+    numbers_file = None if json_file in {None, "-"} else output_file(JSON, str(json_file), path)
+    if numbers_file is not None and numbers_file.resolve() == page_file.resolve():
+        raise InputError(f"{JSON} {numbers_file}: cannot be written: the page goes there: name another file")
+    stop_after_s = None if duration is None else seconds(duration)
     plan = plan_of(path, options, sinks={"console": {"style": "progress"}}, overrides=overrides)
     made: list[Recorder] = []
 
@@ -49,7 +53,7 @@ def report(
         made.append(Recorder(rig))
         return made[0]
 
-    interrupted = execute(plan, watch=record, stop_after_s=None if duration is None else seconds(duration))
+    interrupted = execute(plan, watch=record, stop_after_s=stop_after_s)
     result = answer(made[0].tally)
     numbers = json.dumps(to_message(made[0], result, version()), allow_nan=False, indent=1) + "\n"
     write_output(OUTPUT, page_file, _page(made[0], result, path))

@@ -7,7 +7,6 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
 import click
 from rich import box
@@ -17,8 +16,8 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from pipeline.cli.common import CANNOT_TELL, DONE, OUT_OF_SYNC, read_plan, set_option
+from pipeline.cli.output import output_file, write_output
 from pipeline.cli.recording import RecordingOptions, is_config, recording_options, recording_plan
-from pipeline.errors import InputError
 from pipeline.plan import Plan
 from pipeline.selftest.findings import Outcome
 from pipeline.selftest.proof import Conclusion, Proof, prove
@@ -62,14 +61,11 @@ def selftest(
 
     Exit status 0: they do. 3: they contradict each other. 4: the footage shows too little to prove anything.
     """
-    target = None if json_file in {None, "-"} else Path(str(json_file))
-    if target is not None and (target.is_dir() or not target.parent.is_dir()):
-        what = "it is a folder" if target.is_dir() else f"there is no folder {target.parent}"
-        raise InputError(f"--json {target}: cannot be written: {what}")
+    target = None if json_file in {None, "-"} else output_file("--json", str(json_file), path)
     with _progress() as progress:
         proof = prove(Footage(path, options, overrides).plan, jobs, progress)
     if target is not None:
-        _write(target, proof)
+        write_output("--json", target, _json(proof) + "\n")
     if json_file == "-":
         click.echo(_json(proof))
     else:
@@ -79,13 +75,6 @@ def selftest(
 
 def _json(proof: Proof) -> str:
     return json.dumps(proof.to_json(), indent=1)
-
-
-def _write(target: Path, proof: Proof) -> None:
-    try:
-        target.write_text(_json(proof) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--json {target}: cannot be written: {error.strerror}") from None
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from pipeline.answer import Answer
 from pipeline.notes import Note
 from pipeline.report.recorder import PairRecord, Recorder
 from pipeline.tally import ENOUGH
-from pipeline.verdict import Cause, Reason, State
+from pipeline.verdict import Basis, Cause, Reason, State
 
 CAUSE_ADVICE = {
     Cause.SLIP: "A frame was lost on one side, or the cameras were not started together. Pair frames by their stamps "
@@ -40,6 +40,8 @@ CONTRADICTORY = (
     "What is said changes from frame to frame. Run `syncwatch selftest` on this recording: it tells whether "
     "the detector can be believed on this footage."
 )
+
+STAMPS_ALONE = "Only the timestamps say so. To have the pictures confirm it:"
 
 NOTE_ADVICE = {
     Note.DROP: "Frames are lost: look at the load of the bus and of the disk.",
@@ -83,6 +85,8 @@ def _of_pair(record: PairRecord, state: State) -> list[str]:
     elif record.coverage < MOSTLY_JUDGED and tally.reasons:
         more = "" if state is State.UNKNOWN else "Most frames could not be judged. To have more of them: "
         made.append(more + REASON_ADVICE[tally.reasons.most_common(1)[0][0]])
+    elif not record.bases[Basis.CONTENT] and record.silences:
+        made.append(f"{STAMPS_ALONE} {REASON_ADVICE[record.silences.most_common(1)[0][0]]}")
     kinds = [mark.kind.removesuffix(" onset") for mark in record.marks.marks]
     made += [words for kind, words in GEOMETRY_ADVICE.items() if kind in kinds]
     noticed = {mark.text for mark in record.marks.marks if mark.kind == "note"}

@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import cv2
+import numpy as np
 
 from pipeline.detectors.offset.working import reduced
 from pipeline.frame import Frame, Pair, Picture
@@ -32,7 +32,8 @@ WITHOUT_OFFSET = 1e6
 class Kept(NamedTuple):
     """A frame as it is kept: reduced to WIDTH_PX, with what its device said of it.
 
-    coarse: grey, reduced to COARSE_WIDTH_PX. change: its mean difference to that of the frame before, in levels.
+    coarse: grey, reduced to COARSE_WIDTH_PX. change: its mean difference to that of the
+    frame before, in levels, without what all of the picture became brighter.
     """
 
     captured_ns: int
@@ -71,7 +72,8 @@ class Recent:
         coarse = reduced(grey(image), COARSE_WIDTH_PX)
         change = 0.0
         if frames and frames[-1].coarse.shape == coarse.shape:
-            change = float(cv2.absdiff(frames[-1].coarse, coarse).mean())
+            step = coarse.astype(np.float32) - frames[-1].coarse
+            change = float(np.abs(step - np.median(step)).mean())
         frames.append(Kept(frame.captured_ns, frame.sequence, image, coarse, change))
 
     def change(self, verdict: Verdict, camera: str) -> float:

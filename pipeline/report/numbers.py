@@ -11,7 +11,7 @@
 - `pairs`, by name:
   - `state`, `text`: of this pair; `told`: the sentences at the top of the page
   - `frames`, `decided`, `coverage` (decided by all), `duration_s`; frames by `states`, `causes`, `reasons`, and by
-    `basis` those that were decided
+    `basis` those that were decided; `silences`: why the pictures did not speak, by frames
   - `tolerance_ms`, `expected_offset_ms`
   - `offset_ms`: mean, min and max of what was told, or null; `stamps_ms`, `pictures_ms`: likewise of what the stamps
     and the pictures said, each by themselves; `contradictions`: the share of frames in which these disagree, or null
@@ -91,6 +91,7 @@ def _pair(record: PairRecord, said: Answer) -> Message:
         "causes": _counted(record.causes),
         "reasons": _counted(tally.reasons),
         "basis": _counted(record.bases),
+        "silences": _counted(record.silences),
         "tolerance_ms": rounded(record.tolerance_ms, 3),
         "expected_offset_ms": ms(record.pair.expected_offset_ns),
         **{name: _summary(series.summary(name)) for name in ("offset_ms", "stamps_ms", "pictures_ms")},

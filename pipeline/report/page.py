@@ -30,7 +30,7 @@ STYLE = (
 .facts{display:flex;flex-wrap:wrap;gap:.6rem;padding:0;list-style:none;margin:1rem 0}
 .facts li{background:var(--soft);border-radius:6px;padding:.4rem .8rem;min-width:7rem}
 .facts b{display:block;font-size:18px}
-.plot{overflow-x:auto}.plot svg{min-width:560px;max-width:900px;display:block}
+.plot{overflow-x:auto}.plot svg{min-width:370px;max-width:740px;display:block}
 .small,.facts{font-size:13px}h3{margin:1.6rem 0 .2rem}h3+p{margin:.2rem 0}h4{margin:1rem 0 .2rem}
 td:first-child,th:first-child{text-align:left}
 .words td,.words th{text-align:left}.words td:last-child{white-space:normal;min-width:16rem}
@@ -134,7 +134,7 @@ def _offset(record: PairRecord, numbers: Message) -> str:
     head = "<h3>Offset</h3>"
     second = escape(record.pair.second)
     if numbers["offset_ms"] is None:
-        return f"{head}<p>None was told: {_mostly(numbers)}.</p>"
+        return f"{head}<p>None was told: {_mostly(numbers['reasons'])}.</p>"
     return (
         f"{head}<p>How much later {second} takes its pictures: {_range(numbers['offset_ms'])}. The blue band is "
         f"two standard errors wide either way; inside the green one a pair is in sync.</p>{_plot(offset_plot(record))}"
@@ -149,7 +149,7 @@ def _witnesses(record: PairRecord, numbers: Message) -> str:
         why = made_up if record.synthesised else f"Stamps cannot be compared: {escape(record.stamps_reason)}."
         return f"{head}<p>{why}</p>"
     if pictures is None:
-        return f"{head}<p>Stamps say {_range(stamps)}; pictures could not tell: {_mostly(numbers)}.</p>"
+        return f"{head}<p>Stamps say {_range(stamps)}; the pictures could not tell: {_mostly(numbers['silences'])}.</p>"
     if not share:
         words = "Wherever both could be heard, they agree." if share is not None else "They never spoke of one frame."
     else:
@@ -271,8 +271,8 @@ def _main_drift(numbers: Message) -> float | None:
     return None
 
 
-def _mostly(numbers: Message) -> str:
-    reason = next(iter(numbers["reasons"]), None)
+def _mostly(reasons: Message) -> str:
+    reason = next(iter(reasons), None)
     return "no offset describes it" if reason is None else escape(REASON_WORDS[Reason(reason)])
 
 

@@ -15,6 +15,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from pipeline.detectors.offset.arrays import Floats, Mask
 from pipeline.report.recorder import CameraRecord, PairRecord
@@ -28,11 +29,15 @@ INK = "#010203"
 COLOUR = {State.SYNC: "#2a9d5c", State.ASYNC: "#d1382c", State.UNKNOWN: "#b9a44c"}
 BLUE, VIOLET, ORANGE, GREY = "#3778c2", "#8a63c9", "#d98324", "#888888"
 
-WIDTH_IN, DPI = 7.6, 72
+WIDTH_IN, DPI = 6.6, 72
 """SVG counts 72 points an inch; type of 11 points is readable where the page scales the drawing to a phone."""
 
-MARGINS_IN = 0.68, 0.62, 0.42, 0.28
+MARGINS_IN = 0.74, 0.78, 0.42, 0.28
 """Left, right, bottom, top."""
+
+MOST_TICKS = 5
+LABEL_LEFT, LABEL_RIGHT = -0.115, 1.13
+"""Where labels stand beside the axes, as a part of their width: within the margins, however long the ticks are."""
 
 SHARES = 120
 """Bars in which the share of frames that could be decided is drawn."""
@@ -212,7 +217,11 @@ def _drawing(title: str, height_in: float) -> Iterator[tuple[Axes, _Svg]]:
     with rc_context({**STYLE, "svg.hashsalt": title}):
         figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI)
         FigureCanvasSVG(figure)
-        yield figure.add_axes(_place(height_in)), made
+        axes = figure.add_axes(_place(height_in))
+        axes.yaxis.set_major_locator(MaxNLocator(MOST_TICKS))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_label_coords(LABEL_LEFT, 0.5)
+        yield axes, made
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
     made.text = _inline(buffer.getvalue(), title)
@@ -272,7 +281,10 @@ def _frames_axis(axes: Axes, record: PairRecord) -> None:
     def to_ms(frames: npt.ArrayLike) -> npt.ArrayLike:
         return np.asarray(frames) * record.period_ms
 
-    axes.secondary_yaxis("right", functions=(to_frames, to_ms)).set_ylabel("frames")
+    frames = axes.secondary_yaxis("right", functions=(to_frames, to_ms))
+    frames.yaxis.set_major_locator(MaxNLocator(MOST_TICKS))
+    frames.yaxis.set_major_formatter("{x:g}")
+    axes.text(LABEL_RIGHT, 0.5, "frames", transform=axes.transAxes, rotation="vertical", ha="center", va="center")
 
 
 def _stretches(held: Mask) -> list[tuple[int, int]]:

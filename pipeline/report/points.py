@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.detectors.offset.arrays import Points
-from pipeline.detectors.offset.tracks import follow, spacing, uncrowded
+from pipeline.detectors.offset.tracks import corners, follow, spacing, uncrowded
 from pipeline.detectors.offset.working import Working, work_on
 from pipeline.frame import Picture
 from pipeline.geometry.look import seen_by_both
 from pipeline.report.moments import WIDTH_PX, Moment
+
+MOVING_PX = 1.0
+"""Points of the second camera alone are drawn where they moved that far during the offset."""
 
 SHOWN_POINTS = 45
 """Points that are drawn: enough to see a pattern, few enough to tell apart."""
@@ -19,10 +22,11 @@ SHOWN_POINTS = 45
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """n points, px of the pictures that are kept.
+    """Points, px of the pictures that are kept.
 
-    first, second: n x 2, where they are. moved: n x 2, where they would be in the second picture had it been taken at
-    the first one's moment: each moved back by its own speed times the offset; NaN where its speed is not known.
+    first: n x 2, in the first picture. second: m x 2, in the second; its first n are the same points, the others were
+    seen to move there. moved: m x 2, where they would be in the second picture had it been taken at the first one's
+    moment: each moved back by its own speed times the offset; NaN where its speed is not known.
     """
 
     first: Points
@@ -32,7 +36,7 @@ class Compared:
     @property
     def lengths(self) -> Points:
         """How far the points moved during the offset, px, of those whose speed is known."""
-        length = np.hypot(*(self.second - self.moved).T)
+        length = _length(self.second - self.moved)
         return np.asarray(length[np.isfinite(length)], np.float32)
 
 
@@ -42,8 +46,18 @@ def compare(moment: Moment, period_ns: int) -> Compared:
     first, second = seen_by_both(here, there)
     keep = uncrowded(first, spacing(here.image, SHOWN_POINTS))
     first, second = first[keep], second[keep]
-    offset_ns = moment.verdict.offset_ns or 0
-    return Compared(first, second, second - _speed(moment, there, second) * np.float32(offset_ns / period_ns))
+    frames = np.float32((moment.verdict.offset_ns or 0) / period_ns)
+    moved = second - _speed(moment, there, second) * frames
+    if moment.before is None or moment.before.shape != moment.second.shape:
+        return Compared(first, second, moved)
+    others = corners(there.image, work_on(moment.before, WIDTH_PX).image, second, SHOWN_POINTS)
+    back = others - _speed(moment, there, others) * frames
+    mover = _length(others - back) >= MOVING_PX
+    return Compared(first, np.concatenate([second, others[mover]]), np.concatenate([moved, back[mover]]))
+
+
+def _length(steps: Points) -> Points:
+    return np.asarray(np.hypot(steps[:, 0], steps[:, 1]), np.float32)
 
 
 def _speed(moment: Moment, now: Working, at: Points) -> Points:

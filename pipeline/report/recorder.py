@@ -10,7 +10,7 @@ from pipeline.report.moments import Moments, Recent
 from pipeline.report.series import Series
 from pipeline.tally import PairTally, Tally
 from pipeline.timeline import Marks, Span, Timeline
-from pipeline.verdict import Basis, CameraStatus, Cause, Evidence, Pace, Report, State, Status, Verdict
+from pipeline.verdict import Basis, CameraStatus, Cause, Evidence, Pace, Reason, Report, State, Status, Verdict
 
 MOST_MARKS = 200
 """Events of a pair that are listed: more than anyone reads."""
@@ -36,8 +36,9 @@ SIGMAS = 2
 class PairRecord:
     """What was said of one pair.
 
-    period_ms: of its first camera, whose frames are counted. causes, bases: by frames that were decided. drift: at the
-    end. synthesised: stamps were made up. stamps_reason: why stamps could not be compared, where they could not.
+    period_ms: of its first camera, whose frames are counted. causes, bases: by frames that were decided. silences: why
+    the pictures did not speak. drift: at the end. synthesised: stamps were made up. stamps_reason: why stamps could not
+    be compared, where they could not.
     """
 
     def __init__(self, pair: Pair, rig: Rig) -> None:
@@ -50,6 +51,7 @@ class PairRecord:
         self.series = Series(VALUES)
         self.causes: Counter[Cause] = Counter()
         self.bases: Counter[Basis] = Counter()
+        self.silences: Counter[Reason] = Counter()
         self.drift = Pace()
         self.marks = Marks(pair.name, first.fps, MOST_MARKS)
         self.moments = Moments(pair, first.period_ns)
@@ -85,6 +87,8 @@ class PairRecord:
             self.causes[verdict.cause] += 1
         if verdict.state is not State.UNKNOWN:
             self.bases[verdict.basis] += 1
+        if verdict.content is not None and verdict.content.silence is not None:
+            self.silences[verdict.content.silence] += 1
         stamps = next((item for item in verdict.evidence if item.basis is Basis.TIMESTAMPS), None)
         if stamps is not None:
             self.synthesised |= stamps.synthesised

@@ -21,7 +21,14 @@ JPEG_WIDTH_PX, JPEG_QUALITY = 480, 72
 """Small, so that a page with many pairs can still be mailed; what is drawn on top stays sharp."""
 
 VISIBLE_PX, MAGNIFIED = 10.0, (1, 2, 5, 10, 20)
-"""Lines shorter than that, at the median, are drawn longer by one of these factors, and it is said."""
+"""Where most lines are shorter than that, they are drawn longer by one of these factors, and it is said."""
+
+SEEN_PX = 0.3
+"""Where points moved less, nothing is to be seen of an offset."""
+
+LONG, MOST = 75, 95
+"""Percentiles of the lines' lengths: the one by which that is decided, for in a still scene only a part of the picture
+moves; and the one that is told, for a few points are followed wrongly."""
 
 ON_ROWS_PX = 4.0
 """Where points of both pictures lie on one row to this many px at the median, the rig counts as rectified."""
@@ -40,8 +47,8 @@ def moment_html(moment: Moment, record: PairRecord) -> str:
     """A heading, what happened, both frames, and what the marks mean."""
     compared = compare(moment, record.second_period_ns)
     lengths = compared.lengths
-    corrected = bool(moment.verdict.offset_ns) and len(lengths) > 0
-    typical = float(np.median(lengths)) if corrected else 0.0
+    corrected = len(lengths) > 0 and float(np.percentile(lengths, MOST)) >= SEEN_PX
+    typical = float(np.percentile(lengths, LONG)) if corrected else 0.0
     factor = next((f for f in MAGNIFIED if f * typical >= VISIBLE_PX), MAGNIFIED[-1]) if corrected else 1
     pair = record.pair
     return (
@@ -60,7 +67,7 @@ def _when(moment: Moment) -> str:
 def _what(moment: Moment) -> str:
     verdict = moment.verdict
     if verdict.state is not State.ASYNC:
-        return "The moment at which most moved, as an example: nothing was out of sync to stay."
+        return "An example, where most moved: nothing was out of sync for long."
     text = describe(verdict)
     cause = "" if verdict.cause is None else f" ({verdict.cause.value}: {CAUSE_WORDS[verdict.cause]})"
     return f"{text[:1].upper()}{text[1:]}{cause}."
@@ -88,7 +95,7 @@ def _dots(points: Points, kind: str) -> str:
 
 def _second(compared: Compared, factor: int, *, corrected: bool) -> str:
     if not corrected:
-        return _dots(compared.second, "here")
+        return _dots(compared.second[: len(compared.first)], "here")
     known = np.isfinite(compared.moved).all(axis=1)
     shown, moved = compared.second[known], compared.moved[known]
     moved = shown + factor * (moved - shown)
@@ -99,27 +106,33 @@ def _second(compared: Compared, factor: int, *, corrected: bool) -> str:
 
 def _key(moment: Moment, record: PairRecord, compared: Compared, factor: int, *, corrected: bool) -> str:
     first, second = escape(record.pair.first), escape(record.pair.second)
-    if not len(compared.first):
+    if not corrected and not len(compared.first):
         return "No point was found in both pictures."
     if not corrected:
-        return f'<i class="h">Blue</i>: points that {first} and {second} both see.'
-    lengths, offset_ms = compared.lengths, (moment.verdict.offset_ns or 0) / NS_PER_MS
+        apart = moment.verdict.state is State.ASYNC
+        still = " Hardly anything moves, so that nothing of it is to be seen here." if apart else ""
+        return f'<i class="h">Blue</i>: points that {first} and {second} both see.{still}'
+    most_px = float(np.percentile(compared.lengths, MOST))
+    offset_ms = (moment.verdict.offset_ns or 0) / NS_PER_MS
     drawn = f" The lines are drawn {factor} times as long as they are." if factor > 1 else ""
     return (
-        f'<i class="h">Blue</i>: points of {first}. <i class="s">Red</i>: the same points in {second}, as delivered. '
+        f'<i class="h">Blue</i>: points of {first}. <i class="s">Red</i>: points of {second}, as delivered. '
         f'<i class="b">Green</i>: where they would be had {second} taken its picture together with {first}: each moved '
-        f"back by its own speed times {offset_ms:+.1f} ms, {float(np.median(lengths)):.1f} px at the median and "
-        f"{float(lengths.max()):.1f} px at most, in pictures {moment.second.shape[1]} px wide.{drawn}{_rows(compared)}"
+        f"back by its own speed times {offset_ms:+.1f} ms, by {most_px:.1f} px or less, in pictures "
+        f"{moment.second.shape[1]} px wide.{drawn}{_rows(compared)}"
     )
 
 
 def _rows(compared: Compared) -> str:
     """In a rectified rig, how far points are off their rows before and after; '' in any other."""
-    known = np.isfinite(compared.moved).all(axis=1)
+    both = len(compared.first)
+    known = np.isfinite(compared.moved[:both]).all(axis=1)
+    if not known.any():
+        return ""
     before, after = (
-        float(np.median(np.abs(points[known, 1] - compared.first[known, 1])))
+        float(np.median(np.abs(points[:both][known, 1] - compared.first[known, 1])))
         for points in (compared.second, compared.moved)
     )
     if min(before, after) > ON_ROWS_PX:
         return ""
-    return f" They are {before:.1f} px off the rows they have in the first picture, and {after:.1f} px once moved back."
+    return f" Points that both see are off their rows by {before:.1f} px, and once moved back by {after:.1f} px."
