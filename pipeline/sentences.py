@@ -50,8 +50,9 @@ def happened(timeline: Timeline) -> list[str]:
     """A sentence for each of the first events, with the time, the camera and the amount; empty where none began."""
     begun = [mark for mark in timeline.marks if mark.kind.endswith(" onset")]
     words = [f"{_capital(_told(mark, timeline))}." for mark in begun[:MOST_EVENTS]]
-    if len(begun) > MOST_EVENTS:
-        words.append(f"{len(begun) - MOST_EVENTS} more events follow.")
+    more = len(begun) - MOST_EVENTS
+    if more > 0:
+        words.append("One more event follows." if more == 1 else f"{more} more events follow.")
     return words
 
 

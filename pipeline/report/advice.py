@@ -65,6 +65,9 @@ NOTHING = "Nothing has to be done."
 
 MOSTLY_JUDGED = 0.5
 
+TOLD = 0.1
+"""Stretches out of sync shorter than this share of the longest are not worth advice of their own."""
+
 
 def advice(recorder: Recorder, answer: Answer) -> list[str]:
     """What to do, the most important first, over all pairs of the rig, each once; names of commands in backticks."""
@@ -79,7 +82,8 @@ def _of_pair(record: PairRecord, state: State) -> list[str]:
     made = []
     if state is State.ASYNC:
         longest = sorted(tally.stretches, key=lambda stretch: -stretch.frames)
-        made += [CAUSE_ADVICE[stretch.first.cause] for stretch in longest if stretch.first.cause is not None]
+        told = [stretch for stretch in longest if stretch.frames >= TOLD * longest[0].frames]
+        made += [CAUSE_ADVICE[stretch.first.cause] for stretch in told if stretch.first.cause is not None]
     elif state is State.UNKNOWN and tally.decided >= ENOUGH:
         made.append(CONTRADICTORY)
     elif record.coverage < MOSTLY_JUDGED and tally.reasons:
@@ -90,4 +94,6 @@ def _of_pair(record: PairRecord, state: State) -> list[str]:
     kinds = [mark.kind.removesuffix(" onset") for mark in record.marks.marks]
     made += [words for kind, words in GEOMETRY_ADVICE.items() if kind in kinds]
     noticed = {mark.text for mark in record.marks.marks if mark.kind == "note"}
+    if Cause.FREE_RUN in record.causes:
+        noticed.discard(Note.CLOCK_DRIFT.value)  # before the pictures could tell, only the clocks were known to drift
     return made + [words for note, words in NOTE_ADVICE.items() if note.value in noticed]

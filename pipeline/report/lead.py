@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from pipeline.answer import Answer
 from pipeline.report.recorder import PairRecord
-from pipeline.sentences import happened, noticed
+from pipeline.sentences import happened
 from pipeline.tally import ENOUGH
 from pipeline.verdict import Basis, State
 from pipeline.words import REASON_WORDS
 
 
 def told(record: PairRecord, said: Answer) -> list[str]:
-    """What is wrong, that nothing is, or why it cannot be told; then what was noticed besides. said: of this pair."""
-    timeline = record.timeline
-    events, notes = happened(timeline), noticed(timeline)
+    """What is wrong, that nothing is, or why it cannot be told. said: of this pair."""
+    events = happened(record.timeline)
     if said.state is State.ASYNC:
-        words = events or [said.text]
-    else:
-        words = [_in_sync(record) if said.state is State.SYNC else _cannot_tell(record)]
-        words += [f"Apart from that: {' '.join(events)}"] if events else []
-    return words + ([f"Noticed besides: {'; '.join(notes)}."] if notes else [])
+        return events or [said.text]
+    words = [_in_sync(record) if said.state is State.SYNC else _cannot_tell(record)]
+    return words + ([f"Apart from that: {' '.join(events)}"] if events else [])
 
 
 def _in_sync(record: PairRecord) -> str:

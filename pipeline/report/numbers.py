@@ -15,7 +15,7 @@
   - `tolerance_ms`, `expected_offset_ms`
   - `offset_ms`: mean, min and max of what was told, or null; `stamps_ms`, `pictures_ms`: likewise of what the stamps
     and the pictures said, each by themselves; `contradictions`: the share of frames in which these disagree, or null
-  - `drift`: at the end, as in `syncwatch.verdict.v1`
+  - `drift`: as it was last seen, as in `syncwatch.verdict.v1`
   - `stretches`: out of sync, each with `first_frame`, `last_frame`, `frames`, `cause`, `offset_ms` (mean)
   - `events`: each with `at_s`, `since_s`, `kind` (`async onset`, `geometry_shift end`, ...), `cause`, `camera`,
     `offset_ms`, `drift_ppm`, `text`; `events_left_out`: how many more there were; `notes`: what was noticed besides

@@ -70,8 +70,14 @@ def _told(numbers: Message, *, several: bool) -> str:
     lines = []
     for name, pair in numbers["pairs"].items():
         head = f"<b>{escape(name)}</b>: " if several else ""
-        lines += [f"<p>{head}{escape(' '.join(pair['told']))}</p>"]
+        lines.append(f"<p>{head}{escape(' '.join(pair['told']))}</p>")
+        if pair["notes"]:
+            lines.append(f'<p class="small">Noticed besides: {escape(_noticed(pair["notes"]))}.</p>')
     return "".join(lines)
+
+
+def _noticed(notes: Sequence[str]) -> str:
+    return "; ".join(NOTE_WORDS.get(note, note) for note in notes)
 
 
 def _list(sentences: Sequence[str]) -> str:
@@ -108,7 +114,7 @@ def _facts(numbers: Message) -> str:
     drift = _main_drift(numbers)
     facts = {
         **_main_offset(numbers),
-        "drift, at the end": "none seen" if drift is None else f"{drift:+.1f} ppm",
+        "drift, last seen": "none seen" if drift is None else f"{drift:+.1f} ppm",
         "of the frames judged": _percent(numbers["coverage"]),
         f"{numbers['frames']} frames": f"{numbers['duration_s']:.1f} s",
         "counts as in sync": f"± {numbers['tolerance_ms']:.1f} ms",
@@ -169,7 +175,7 @@ def _drift(record: PairRecord, numbers: Message) -> str:
         for who in ("stamps", "pictures")
         if drift[f"{who}_ppm"] is not None
     ]
-    words = f"At the end {' and '.join(told)}. " if told else "None at the end. "
+    words = f"Last seen {' and '.join(told)}. "
     return (
         f"{head}<p>{words}One ppm is a microsecond a second; positive means that {escape(record.pair.second)} falls "
         f"ever further behind.</p>{_plot(drift_plot(record))}"

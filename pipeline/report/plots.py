@@ -44,7 +44,7 @@ SHARES = 120
 
 SHOWN_SIGMAS = 2
 MINUTES_FROM_S = 180.0
-CAUSE_LETTER = 0.012
+CAUSE_LETTER = 0.018
 """Width of a letter of a cause, as a part of the drawing's."""
 
 STYLE: Mapping[Any, Any] = {

@@ -29,6 +29,8 @@ VALUES = (
 )
 """What is kept of a verdict. sync, async, unknown: 1 or 0. differ: whether stamps contradict pictures."""
 
+UNKNOWN_PACE = Pace()
+
 SIGMAS = 2
 """Standard errors of the pictures allowed for where they are compared with stamps."""
 
@@ -37,7 +39,7 @@ class PairRecord:
     """What was said of one pair.
 
     period_ms: of its first camera, whose frames are counted. causes, bases: by frames that were decided. silences: why
-    the pictures did not speak. drift: at the end. synthesised: stamps were made up. stamps_reason: why stamps could not
+    the pictures did not speak. drift: last seen. synthesised: stamps were made up. stamps_reason: why stamps could not
     be compared, where they could not.
     """
 
@@ -52,7 +54,7 @@ class PairRecord:
         self.causes: Counter[Cause] = Counter()
         self.bases: Counter[Basis] = Counter()
         self.silences: Counter[Reason] = Counter()
-        self.drift = Pace()
+        self.drift = UNKNOWN_PACE
         self.marks = Marks(pair.name, first.fps, MOST_MARKS)
         self.moments = Moments(pair, first.period_ns)
         self.tolerance_ms = 0.0
@@ -82,7 +84,8 @@ class PairRecord:
     def add(self, verdict: Verdict, recent: Recent) -> None:
         at_s = self.series.count / self.fps
         self.tolerance_ms = verdict.tolerance_ns / NS_PER_MS
-        self.drift = verdict.drift
+        if verdict.drift != UNKNOWN_PACE:
+            self.drift = verdict.drift
         if verdict.cause is not None:
             self.causes[verdict.cause] += 1
         if verdict.state is not State.UNKNOWN:

@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.detectors.offset.arrays import Points
 from pipeline.detectors.offset.working import reduced
 from pipeline.frame import NS_PER_MS, Picture
-from pipeline.report.moments import Moment
+from pipeline.report.moments import WIDTH_PX, Moment
 from pipeline.report.points import Compared, compare
 from pipeline.report.recorder import PairRecord
 from pipeline.verdict import State
@@ -50,11 +50,12 @@ def moment_html(moment: Moment, record: PairRecord) -> str:
     corrected = len(lengths) > 0 and float(np.percentile(lengths, MOST)) >= SEEN_PX
     typical = float(np.percentile(lengths, LONG)) if corrected else 0.0
     factor = next((f for f in MAGNIFIED if f * typical >= VISIBLE_PX), MAGNIFIED[-1]) if corrected else 1
+    scale = [WIDTH_PX / image.shape[1] for image in (moment.first, moment.second)]
     pair = record.pair
     return (
         f'<h4>{_when(moment)}</h4><p>{escape(_what(moment))}</p><div class="sight">'
-        f"{_figure(moment.first, _dots(compared.first, 'here'), pair.first)}"
-        f"{_figure(moment.second, _second(compared, factor, corrected=corrected), pair.second)}</div>"
+        f"{_figure(moment.first, _dots(compared.first * scale[0], 'here'), pair.first)}"
+        f"{_figure(moment.second, _second(compared, scale[1], factor, corrected=corrected), pair.second)}</div>"
         f'<p class="key">{_key(moment, record, compared, factor, corrected=corrected)}</p>'
     )
 
@@ -74,11 +75,11 @@ def _what(moment: Moment) -> str:
 
 
 def _figure(image: Picture, marks: str, camera: str) -> str:
-    height, width = image.shape[:2]
+    tall = WIDTH_PX * image.shape[0] / image.shape[1]
     label = f'role="img" aria-label="frame of {escape(camera)}"'
     return (
-        f'<figure><svg viewBox="0 0 {width} {height}" {label}>'
-        f'<image href="{_jpeg(image)}" width="{width}" height="{height}"/>{marks}</svg>'
+        f'<figure><svg viewBox="0 0 {WIDTH_PX} {tall:.0f}" {label}>'
+        f'<image href="{_jpeg(image)}" width="{WIDTH_PX}" height="{tall:.0f}"/>{marks}</svg>'
         f"<figcaption>{escape(camera)}</figcaption></figure>"
     )
 
@@ -93,11 +94,11 @@ def _dots(points: Points, kind: str) -> str:
     return "".join(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius}"/>' for x, y in points)
 
 
-def _second(compared: Compared, factor: int, *, corrected: bool) -> str:
+def _second(compared: Compared, scale: float, factor: int, *, corrected: bool) -> str:
     if not corrected:
-        return _dots(compared.second[: len(compared.first)], "here")
+        return _dots(scale * compared.second[: len(compared.first)], "here")
     known = np.isfinite(compared.moved).all(axis=1)
-    shown, moved = compared.second[known], compared.moved[known]
+    shown, moved = scale * compared.second[known], scale * compared.moved[known]
     moved = shown + factor * (moved - shown)
     ends = [f'x1="{x:.1f}" y1="{y:.1f}" x2="{u:.1f}" y2="{v:.1f}"' for (x, y), (u, v) in zip(shown, moved, strict=True)]
     lines = "".join(f'<line class="shade" {end}/><line class="way" {end}/>' for end in ends)
@@ -109,7 +110,7 @@ def _key(moment: Moment, record: PairRecord, compared: Compared, factor: int, *,
     if not corrected and not len(compared.first):
         return "No point was found in both pictures."
     if not corrected:
-        apart = moment.verdict.state is State.ASYNC
+        apart = moment.verdict.state is State.ASYNC and moment.verdict.offset_ns is not None
         still = " Hardly anything moves, so that nothing of it is to be seen here." if apart else ""
         return f'<i class="h">Blue</i>: points that {first} and {second} both see.{still}'
     most_px = float(np.percentile(compared.lengths, MOST))
