@@ -14,6 +14,7 @@ from pipeline.frame import NS_PER_S, Frame, Pair, Rig, Window
 from pipeline.health.observer import Observation
 from pipeline.notes import Note
 from pipeline.range_error import RangeCase, range_error
+from pipeline.steady import JUMP_FRAMES
 from pipeline.verdict import Basis, Cause, Evidence, Pace, PairTruth, Reason, State, Verdict
 from pipeline.witness import PictureWitness, StampWitness, Testimony, best_of, of_basis
 
@@ -236,12 +237,21 @@ class WeighedPair(PairJudge):
         state = self._belief.add(witness.support, MOST_PICTURES if of_pictures else MOST_STAMPS)
         if state is not before:
             self._since = self._doubted_since
+        elif state is State.ASYNC and self._jumps(witness):
+            self._since = self._number
         if state is State.UNKNOWN:
             return Ruling(reason=Reason.WARMING_UP)
         if (state is State.ASYNC) == (witness.support > 0):
             self._doubted_since = None
             self._said = replace(self._ruling(state, witness), since_frame=self._since)
         return self._said
+
+    def _jumps(self, witness: Testimony) -> bool:
+        """Whether the cameras are now apart in another way."""
+        said = self._said.decisive
+        if said is None or said.offset_frames is None or self._said.cause is Cause.FREE_RUN:
+            return False
+        return abs(witness.offset_ns / self._period_ns - said.offset_frames) > JUMP_FRAMES
 
     def _ruling(self, state: State, witness: Testimony) -> Ruling:
         decisive = replace(
