@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, get_args
 
@@ -10,10 +9,9 @@ import click
 
 from pipeline.answer import answer
 from pipeline.cli.check import seconds
-from pipeline.cli.common import execute, read_plan, set_option
-from pipeline.cli.recording import RecordingOptions, is_config, recording_options, recording_plan
+from pipeline.cli.common import execute, set_option
+from pipeline.cli.recording import RecordingOptions, plan_of, recording_options
 from pipeline.mcap.frames import Pictures
-from pipeline.plan import Plan
 from pipeline.tally import Tally
 from pipeline.verdict import Verdict
 
@@ -52,7 +50,7 @@ def record(
         settings["overwrite"] = True
     stop_after_s = None if duration is None else seconds(duration)
     tally = Tally()
-    plan = _plan(path, options, {"console": {"style": "progress"}, "mcap": settings}, overrides)
+    plan = plan_of(path, options, sinks={"console": {"style": "progress"}, "mcap": settings}, overrides=overrides)
     interrupted = execute(
         plan,
         on_report=lambda report: tally.add(report) if isinstance(report, Verdict) else None,
@@ -60,10 +58,3 @@ def record(
     )
     click.echo(f"{plan.config.rig}: {answer(tally).text}")
     return interrupted
-
-
-def _plan(path: tuple[str, ...], options: RecordingOptions, sinks: dict[str, Any], overrides: tuple[str, ...]) -> Plan:
-    """The sinks come first, so that the recording's settings can be overridden as well."""
-    if not is_config(path):
-        return recording_plan(path, options, sinks=sinks, overrides=overrides)
-    return read_plan(path[0], (f"sinks={json.dumps(sinks, ensure_ascii=False)}", *options.overrides, *overrides))

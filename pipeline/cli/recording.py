@@ -94,7 +94,7 @@ def plan_of(
 ) -> Plan:
     """The plan of a configuration with other sinks, or of a recording. Raises InputError."""
     if is_config(paths):
-        return read_plan(paths[0], (*overrides, *options.overrides, f"sinks={json.dumps(sinks)}"))
+        return read_plan(paths[0], (f"sinks={json.dumps(sinks, ensure_ascii=False)}", *options.overrides, *overrides))
     return recording_plan(paths, options, sinks=sinks, overrides=overrides)
 
 
