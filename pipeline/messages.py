@@ -305,6 +305,70 @@ class IncidentShape(Shape):
     text: str
 
 
+class SegmentShape(Shape):
+    """Consecutive frames of a pair's first camera of which the same is said."""
+
+    pair: str
+    start_s: NonNegative
+    """From the first frame of the pair's first camera, by its stamps."""
+    stop_s: NonNegative
+    first_frame: Count
+    last_frame: Count
+    """Belongs to the segment."""
+    state: State
+    cause: Cause | None
+    offset_ms: float | None
+    """Mean over the segment; null where it was not measured."""
+
+
+class AuditPairShape(Shape):
+    """What is said of a pair of a recording."""
+
+    state: State
+    frames: Count
+    decided: Count
+    """Frames that could be judged."""
+
+
+class AuditShape(Shape):
+    """What an audit says of one recording (syncwatch audit)."""
+
+    model_config = ConfigDict(title="syncwatch.audit.v1", frozen=True)
+
+    of: Literal["syncwatch.audit.v1"] = Field(alias="schema")
+    path: str
+    """Absolute, or a URL."""
+    format: str | None
+    """null where it is no recording of two or more cameras."""
+    cameras: list[str]
+    frames: Count
+    """Of the first camera."""
+    duration_s: NonNegative
+    state: State
+    cause: Cause | None
+    """Of the longest segment out of sync, as is offset_ms; null unless async."""
+    reason: Reason | None
+    """Why most frames could not be judged, where most could not."""
+    offset_ms: float | None
+    coverage: Share
+    """Share of the frames that could be judged, over all pairs."""
+    pairs: dict[str, AuditPairShape]
+    segments: list[SegmentShape]
+    answer: str | None
+    """What `syncwatch check` says; null where nothing could be judged."""
+    error: str | None
+    """Why it is broken, or cannot be judged to its end."""
+    warnings: list[str]
+    """What was said while it was read."""
+    took_s: NonNegative
+    version: str
+    """Of syncwatch."""
+    fingerprint: str
+    """Of the names, sizes and times of its files."""
+    settings: str
+    """Fingerprint of how it was judged."""
+
+
 SHAPES: dict[str, type[Shape]] = {
     "verdict": VerdictShape,
     "event": EventShape,
@@ -312,6 +376,7 @@ SHAPES: dict[str, type[Shape]] = {
     "aligned": AlignedShape,
     "fleet": FleetShape,
     "incident": IncidentShape,
+    "audit": AuditShape,
 }
 """What is published or printed, by the name of its schema."""
 

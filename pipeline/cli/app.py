@@ -9,6 +9,7 @@ import sys
 import click
 
 from pipeline.assemble import version
+from pipeline.cli.audit import audit
 from pipeline.cli.cameras import cameras
 from pipeline.cli.check import check
 from pipeline.cli.common import BAD_INPUT, FAILED, report, set_up_logging
@@ -46,6 +47,7 @@ for command in (
     run,
     replay,
     check,
+    audit,
     record,
     repair,
     evaluate,

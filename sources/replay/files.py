@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from pipeline.errors import InputError
@@ -35,7 +35,7 @@ def videos(folder: Path) -> list[Path]:
 
 
 def folders(folder: Path) -> list[Path]:
-    return sorted((Path(entry.path) for entry in _visible(folder) if entry.is_dir()), key=natural_path)
+    return sorted((Path(entry.path) for entry in _visible(folder) if _is(entry.is_dir)), key=natural_path)
 
 
 def is_empty(folder: Path) -> bool:
@@ -47,7 +47,7 @@ def unreadable(path: Path, error: OSError) -> InputError:
 
 
 def _files(folder: Path, suffixes: tuple[str, ...]) -> Iterator[str]:
-    return (entry.name for entry in _visible(folder) if _suffix(entry.name) in suffixes and entry.is_file())
+    return (entry.name for entry in _visible(folder) if _suffix(entry.name) in suffixes and _is(entry.is_file))
 
 
 def _visible(folder: Path) -> Iterator[os.DirEntry[str]]:
@@ -58,6 +58,14 @@ def _visible(folder: Path) -> Iterator[os.DirEntry[str]]:
                     yield entry
     except OSError as error:
         raise unreadable(folder, error) from error
+
+
+def _is(kind: Callable[[], bool]) -> bool:
+    """False for a symbolic link that leads to itself, and for what must not be looked at."""
+    try:
+        return kind()
+    except OSError:
+        return False
 
 
 def _suffix(name: str) -> str:

@@ -1,0 +1,86 @@
+"""What an audit comes to: a table for people and segments as CSV."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import TextIO
+
+from rich.markup import escape
+from rich.table import Table
+
+from pipeline.audit.remote import is_url
+from pipeline.messages import AuditShape
+from pipeline.terms import State
+from pipeline.words import REASON_WORDS
+
+SAID = {State.SYNC: "in sync", State.ASYNC: "OUT OF SYNC", State.UNKNOWN: "cannot tell"}
+COLOUR = {State.SYNC: "green", State.ASYNC: "bold red", State.UNKNOWN: "yellow"}
+BROKEN = "broken"
+HEADER = ("path", "pair", "start_s", "stop_s", "first_frame", "last_frame", "state", "cause", "offset_ms")
+
+
+def said(record: AuditShape) -> str:
+    """The answer in a few words."""
+    return BROKEN if record.error is not None and record.state is State.UNKNOWN else SAID[record.state]
+
+
+def headline(records: Sequence[AuditShape]) -> str:
+    """How many of each there are, in a sentence without its end."""
+    counts = Counter(map(said, records))
+    told = [f"{counts[words]} {words.lower()}" for words in (*SAID.values(), BROKEN) if counts[words]]
+    return f"{len(records)} recording{'s' * (len(records) != 1)}: {', '.join(told)}"
+
+
+def table(records: Sequence[AuditShape]) -> Table:
+    made = Table("recording", "format", "cameras", "frames", "length", "answer", "cause", "offset", "judged", "why")
+    for place in (2, 3, 4, 7, 8):
+        made.columns[place].justify = "right"
+    made.columns[0].overflow = made.columns[9].overflow = "fold"
+    for record, name in zip(records, _names(records), strict=True):
+        known = bool(record.frames)
+        made.add_row(
+            escape(printable(name)),
+            record.format or "",
+            str(len(record.cameras) or ""),
+            str(record.frames) if known else "",
+            f"{record.duration_s:.1f} s" if known else "",
+            f"[{COLOUR[record.state]}]{said(record)}[/]",
+            record.cause.value if record.cause else "",
+            "" if record.offset_ms is None else f"{record.offset_ms:+.1f} ms",
+            f"{100 * record.coverage:.0f} %" if known else "",
+            escape(printable(_why(record))),
+        )
+    return made
+
+
+def write_segments(file: TextIO, records: Iterable[AuditShape]) -> None:
+    rows = csv.writer(file, lineterminator="\n")
+    rows.writerow(HEADER)
+    for record in records:
+        for one in record.segments:
+            offset = "" if one.offset_ms is None else one.offset_ms
+            cause = one.cause.value if one.cause else ""
+            frames = one.first_frame, one.last_frame
+            rows.writerow((record.path, one.pair, one.start_s, one.stop_s, *frames, one.state.value, cause, offset))
+
+
+def printable(text: str) -> str:
+    """File names may hold bytes that are no text, and control characters."""
+    shown = text.encode("utf-8", "backslashreplace").decode()
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in shown)
+
+
+def _why(record: AuditShape) -> str:
+    if record.error is not None:
+        return record.error.removeprefix(f"{record.path}: ")
+    return REASON_WORDS[record.reason] if record.reason is not None and record.state is State.UNKNOWN else ""
+
+
+def _names(records: Sequence[AuditShape]) -> list[str]:
+    """Paths from the folder that holds all of them; URLs as they are."""
+    paths = [record.path for record in records if not is_url(record.path)]
+    base = os.path.commonpath([os.path.dirname(path) for path in paths]) if paths else ""  # noqa: PTH120
+    return [record.path if is_url(record.path) else os.path.relpath(record.path, base or os.sep) for record in records]
