@@ -56,16 +56,16 @@ class Matcher:
 
     def match(self, ids: Ints, at: Points, first: Working, second: Working) -> Matches:
         """Points `at` of `first` in `second`, forth and back."""
-        other = equalised(second, first)
-        matches = self._track(ids, at, first.image, other)
+        image, other = of_one_size(first.image, equalised(second, first))
+        matches = self._track(ids, at, image, other)
         self._wait -= 1
         if len(matches.rows) < max(FEW, 0.3 * len(ids)) and self._wait < 0:
             self._wait = SEARCH_EVERY
-            found = search(first.image, other)
+            found = search(image, other)
             self.overlap = len(found[0]) >= FEW
             if self.overlap:
                 self._remember(np.full(len(found[0]), -1, np.int64), *found)
-                again = self._track(ids, at, first.image, other)
+                again = self._track(ids, at, image, other)
                 matches = max(matches, again, key=lambda m: len(m.rows))
         if len(matches.rows) >= FEW:
             self._remember(ids[matches.rows], at[matches.rows], matches.displacement)
@@ -102,6 +102,19 @@ class Matcher:
         self._ids, self._at, self._displacement = ids, at, displacement
         self._order = np.argsort(ids, kind="stable")
         self._sorted = ids[self._order]
+
+
+def of_one_size(first: Picture, second: Picture) -> tuple[Picture, Picture]:
+    """Both pictures as large as the larger of them, continued at the right and at the bottom; points stay in place."""
+    height, width = max(first.shape[0], second.shape[0]), max(first.shape[1], second.shape[1])
+    return _continued(first, height, width), _continued(second, height, width)
+
+
+def _continued(picture: Picture, height: int, width: int) -> Picture:
+    below, beside = height - picture.shape[0], width - picture.shape[1]
+    if not below and not beside:
+        return picture
+    return np.asarray(cv2.copyMakeBorder(picture, 0, below, 0, beside, cv2.BORDER_REPLICATE), np.uint8)
 
 
 def equalised(picture: Working, like: Working) -> Picture:
