@@ -30,7 +30,7 @@ def findings(source: dict[str, Any], *faults: dict[str, Any], base: Path = Path(
     plan = make_plan(load_text(yaml.safe_dump(config), "test", {}, quoted=False), KINDS, base)
     footage = build_source(plan)
     footage.open()
-    rig = build_rig(plan, footage.cameras)
+    rig = build_rig(plan, footage)
     geometry, fps = RigGeometry(rig), rig.cameras[0].fps
     found = [(each.index / fps, one) for each in windows(footage.frames(), rig, plan) for one in geometry.see(each)]
     footage.close()
