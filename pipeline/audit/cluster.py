@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
+import re
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
@@ -25,6 +27,12 @@ ALONE_S = 60
 
 POLL_S = 0.2
 
+ADDRESS = re.compile(r"(?:(?:tcp|tls|wss?|ucx)://)?(?:\[[0-9a-fA-F:.]+\]|[^\s/:\[\]]+):([0-9]{1,5})")
+LAST_PORT = 65535
+
+TIMEOUTS = (TimeoutError, asyncio.TimeoutError)
+"""The same from Python 3.11 on."""
+
 
 @contextmanager
 def cluster(address: str) -> Iterator[Client]:
@@ -35,16 +43,15 @@ def cluster(address: str) -> Iterator[Client]:
         raise InputError(
             "--cluster: Dask is not installed here: pip install 'syncwatch[cluster]', here and on every worker"
         ) from None
-    for name in ("distributed", "tornado", "asyncio"):  # what they have to say is said here, in one line
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+    match = ADDRESS.fullmatch(address)
+    if match is None or not 0 < int(match[1]) <= LAST_PORT:
+        raise InputError(f"--cluster '{address}': expected the address of a scheduler, such as tcp://scheduler:8786")
+    _silence()
     try:
         client = Client(address, timeout=REACH_S, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
+    except (OSError, *TIMEOUTS) as error:
         said = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(
-            f"--cluster {address}: no scheduler answers there within {REACH_S} s ({said}): "
-            "expected an address such as tcp://scheduler:8786"
-        ) from None
+        raise InputError(f"--cluster {address}: no scheduler answers there within {REACH_S} s ({said})") from None
     try:
         _check(client, address)
         yield client
@@ -52,11 +59,18 @@ def cluster(address: str) -> Iterator[Client]:
         client.close(timeout=REACH_S)
 
 
+def _silence() -> None:
+    """What Dask has to say of a cluster that fails is said here, in one line."""
+    for name in list(logging.root.manager.loggerDict):
+        if name.partition(".")[0] in {"distributed", "tornado", "asyncio"}:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
 def _check(client: Client, address: str) -> None:
     """Raises InputError where no worker could judge as this program does."""
     try:
         client.wait_for_workers(1, timeout=REACH_S)
-    except TimeoutError:
+    except TIMEOUTS:
         raise InputError(f"--cluster {address}: no worker within {REACH_S} s: start some with dask worker") from None
     for worker, told in client.run(version, on_error="return").items():
         if isinstance(told, Exception):
@@ -103,7 +117,7 @@ def _result(future: Future[AuditShape], task: Task) -> AuditShape | None:
         return task.record(error=f"it could not be judged on the cluster: {_told(future.exception())}")
     try:
         record: AuditShape = future.result(timeout=REACH_S)
-    except TimeoutError:
+    except TIMEOUTS:
         return None
     return record
 

@@ -44,6 +44,15 @@ def line_of(record: AuditShape) -> str:
     return json.dumps(record.model_dump(mode="json", by_alias=True), allow_nan=False) + "\n"
 
 
+def check_folder(folder: Path) -> None:
+    """Raises InputError for what cannot become a journal's folder, before anything has been done for it."""
+    there = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.exists())
+    if not there.is_dir():
+        raise InputError(f"-o {folder}: {there} is a file: name a folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"-o {folder}: cannot be written: permission denied")
+
+
 @contextmanager
 def journal(folder: Path) -> Iterator[Journal]:
     """The journal of a folder, which is made where there is none, and is nobody else's meanwhile.

@@ -34,7 +34,8 @@ class _Open:
 class Segments:
     """The segments of one pair, made as its verdicts come.
 
-    A segment begins with a change that lasts, at the frame since when it has been so; together they cover every frame.
+    A segment begins with a change that lasts: at the frame since when it has been so, but after those that could not be
+    judged. Together they cover every frame.
     """
 
     def __init__(self, pair: Pair, fps: float) -> None:
@@ -79,7 +80,8 @@ class Segments:
         self._at_s.extend([at_s] * (frame + 1 - len(self._at_s)))
 
     def _begin(self, change: Change) -> None:
-        since = self.frames - 1 if change.since_frame is None else change.since_frame
+        since = change.first.frame if self._open.state is State.UNKNOWN else change.since_frame
+        since = self.frames - 1 if since is None else since
         since = min(max(since, self._open.first_frame), max(self.frames - 1, 0))
         if since > self._open.first_frame:
             self._done.append(self._closed(since))

@@ -18,19 +18,21 @@ from pipeline.words import REASON_WORDS
 
 SAID = {State.SYNC: "in sync", State.ASYNC: "OUT OF SYNC", State.UNKNOWN: "cannot tell"}
 COLOUR = {State.SYNC: "green", State.ASYNC: "bold red", State.UNKNOWN: "yellow"}
-BROKEN = "broken"
+BROKEN, NOT_JUDGED = "broken", "not judged"
 HEADER = ("path", "pair", "start_s", "stop_s", "first_frame", "last_frame", "state", "cause", "offset_ms")
 
 
 def said(record: AuditShape) -> str:
     """The answer in a few words."""
-    return BROKEN if record.error is not None and record.state is State.UNKNOWN else SAID[record.state]
+    if record.error is None or record.state is not State.UNKNOWN:
+        return SAID[record.state]
+    return NOT_JUDGED if record.format is None else BROKEN
 
 
 def headline(records: Sequence[AuditShape]) -> str:
     """How many of each there are, in a sentence without its end."""
     counts = Counter(map(said, records))
-    told = [f"{counts[words]} {words.lower()}" for words in (*SAID.values(), BROKEN) if counts[words]]
+    told = [f"{counts[words]} {words.lower()}" for words in (*SAID.values(), BROKEN, NOT_JUDGED) if counts[words]]
     return f"{len(records)} recording{'s' * (len(records) != 1)}: {', '.join(told)}"
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING, TypeAlias
 
 import click
 from rich.console import Console
@@ -18,7 +20,7 @@ from rich.progress import Progress, TimeElapsedColumn
 
 from pipeline.audit.cluster import cluster, judge_there
 from pipeline.audit.find import find
-from pipeline.audit.journal import Journal, journal
+from pipeline.audit.journal import Journal, check_folder, journal
 from pipeline.audit.local import judge_here
 from pipeline.audit.remote import is_url, tasks_at
 from pipeline.audit.table import headline, printable, said, table, write_segments
@@ -32,6 +34,12 @@ from pipeline.plan import Plan
 from pipeline.terms import State
 from sources.replay.formats import recognise
 from sources.replay.names import natural
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+Judges: TypeAlias = Callable[[Sequence[Task], Callable[[], bool]], Generator[tuple[Task, AuditShape], None, None]]
+"""Yields each task and what is said of it, as they get done; ends early when the second argument is true."""
 
 SEGMENTS, SUMMARY = "segments.csv", "summary.txt"
 TABLE_WIDTH = 200
@@ -87,23 +95,34 @@ def audit(
     _check_paths(path, address)
     target = None if segments is None else output_file("--segments", segments, path)
     folder = Path(output)
-    with _signals() as received, journal(folder) as kept:
+    check_folder(folder)
+    with _signals() as received, ExitStack() as opened:
+        judges = _judges(reading, jobs, None if address is None else opened.enter_context(cluster(address)))
         tasks = _tasks(path, settings, os.path.realpath(folder), lambda: bool(received))
         if not received:
             _check_found(path, tasks)
+        kept = opened.enter_context(journal(folder))
         todo = [task for task in tasks if not _is_done(task, kept, retry_broken=retry_broken)]
         click.echo(f"{len(tasks)} found, {len(tasks) - len(todo)} of them judged before", err=True)
-        judged = _Judged(kept, len(tasks), len(tasks) - len(todo))
-        for task in [task for task in todo if task.trouble is not None and not is_url(task.path)]:
-            judged.add(task, task.record())
-            todo.remove(task)
-        if todo and not received:
-            _judge(todo, reading, judged, jobs, address, lambda: bool(received))
-        status = _tell(tasks, kept, target or folder / SEGMENTS, folder / SUMMARY)
+        tell = partial(_tell, tasks, kept, target or folder / SEGMENTS, folder / SUMMARY)
+        try:
+            if not received:
+                _judge(todo, judges, _Judged(kept, len(tasks), todo), lambda: bool(received))
+        except RunError:
+            tell()
+            raise
+        status = tell()
     if received:
         click.echo("syncwatch: interrupted: the same command goes on from here", err=True)
         return 128 + received[0]
     return status
+
+
+def _judges(reading: Reading, jobs: int, client: Client | None) -> Judges:
+    """Judges here, or where the client leads to."""
+    if client is None:
+        return lambda tasks, stopped: judge_here(tasks, reading.plan, jobs, stopped)
+    return lambda tasks, stopped: judge_there(client, tasks, reading.plan, stopped)
 
 
 def _check_paths(paths: Sequence[str], address: str | None) -> None:
@@ -174,27 +193,26 @@ def _is_done(task: Task, kept: Journal, *, retry_broken: bool) -> bool:
 
 
 class _Judged:
-    """Keeps every result, and says how far the audit has come."""
+    """Keeps every result, and says how far the audit has come. tasks: those that are not done yet, of `total`."""
 
-    def __init__(self, kept: Journal, total: int, before: int) -> None:
+    def __init__(self, kept: Journal, total: int, tasks: Sequence[Task]) -> None:
         self._kept = kept
         self._total = total
-        self._done = before
+        self._done = total - len(tasks)
+        self._effort, self._whole = 0, max(sum(task.effort for task in tasks), 1)
         self._begun_s = time.monotonic()
-        self._effort = self._whole = 0
-        self._progress: Progress | None = None
+        self._console = Console(stderr=True)
 
     @contextmanager
-    def shown(self, tasks: Sequence[Task]) -> Iterator[None]:
+    def shown(self) -> Iterator[None]:
         """As a bar on a terminal, else as a line a recording; always on standard error."""
-        console = Console(stderr=True)
-        self._whole = sum(task.effort for task in tasks)
         columns = (*Progress.get_default_columns(), TimeElapsedColumn())
-        with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-            self._bar = progress.add_task(self._count, total=max(self._whole, 1))
-            self._progress = progress
+        self._progress = Progress(
+            *columns, console=self._console, transient=True, disable=not self._console.is_terminal
+        )
+        with self._progress:
+            self._bar = self._progress.add_task(self._count, total=self._whole)
             yield
-        self._progress = None
 
     @property
     def _count(self) -> str:
@@ -205,40 +223,28 @@ class _Judged:
         self._done += 1
         self._effort += task.effort
         line = f"{printable(record.path)}: {said(record)}"
-        if self._progress is None or self._progress.disable:
+        if self._progress.disable:
             click.echo(f"{self._count} {line}{self._left}", err=True)
             return
-        self._progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
         self._progress.update(self._bar, completed=self._effort, description=self._count)
 
     @property
     def _left(self) -> str:
         """About how long it will take yet, by the sizes of what is left."""
         left = self._whole - self._effort
-        if self._progress is None or left <= 0 or self._effort == 0:
+        if left <= 0 or self._effort == 0:
             return ""
         seconds = (time.monotonic() - self._begun_s) * left / self._effort
         return f", about {seconds:.0f} s left" if seconds < 100 else f", about {seconds / 60:.0f} min left"
 
 
-def _judge(
-    tasks: Sequence[Task],
-    reading: Reading,
-    judged: _Judged,
-    jobs: int,
-    address: str | None,
-    stopped: Callable[[], bool],
-) -> None:
-    if address is None:
-        with judged.shown(tasks), closing(judge_here(tasks, reading.plan, jobs, stopped)) as running:
-            for task, record in running:
-                judged.add(task, record)
-        return
-    with (
-        cluster(address) as client,
-        judged.shown(tasks),
-        closing(judge_there(client, tasks, reading.plan, stopped)) as running,
-    ):
+def _judge(tasks: Sequence[Task], judges: Judges, judged: _Judged, stopped: Callable[[], bool]) -> None:
+    hopeless = [task for task in tasks if task.trouble is not None and not is_url(task.path)]
+    others = [task for task in tasks if task not in hopeless]
+    with judged.shown(), closing(judges(others, stopped)) as running:
+        for task in hopeless:
+            judged.add(task, task.record())
         for task, record in running:
             judged.add(task, record)
 
