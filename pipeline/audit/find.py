@@ -14,7 +14,7 @@ from pipeline.errors import InputError
 from pipeline.tally import ENOUGH
 from sources.replay import files
 from sources.replay.formats import FORMATS
-from sources.replay.names import natural_path
+from sources.replay.names import is_text, natural_path
 from sources.replay.videos import opened
 
 HALVES = "halves"
@@ -25,6 +25,8 @@ IN_PLACE = {"folders", "videos"}
 
 CONTAINERS = {".bag", ".db3", ".mcap"}
 """Files that are nothing else: one that is not recognised is damaged."""
+
+NO_TEXT = "the name has bytes that are no UTF-8 text: rename it"
 
 TWO_VIEWS = (1.0, 2.0)
 """Width by height of a picture at and beyond which it may hold two views."""
@@ -86,6 +88,8 @@ def _look(place: _Place) -> tuple[Found | None, list[_Place]]:
     path = place.path
     if not path.is_dir():
         return _file(path), []
+    if not is_text(path):
+        return Found(path, None, NO_TEXT), []
     name = _format(path)
     if name is not None and not _is_archive(path, name):
         return Found(path, name), []
@@ -99,6 +103,8 @@ def _look(place: _Place) -> tuple[Found | None, list[_Place]]:
 def _file(path: Path) -> Found | None:
     if files.is_picture(path) or not path.is_file():
         return None
+    if not is_text(path):
+        return Found(path, None, NO_TEXT) if files.is_video(path) or path.suffix in CONTAINERS else None
     name = next((name for name, one in FORMATS.items() if one.matches([path])), None)
     if name is not None:
         return Found(path, name)

@@ -25,6 +25,15 @@ def natural_path(path: Path) -> NaturalKey:
     return natural(path.name)
 
 
+def is_text(path: Path) -> bool:
+    """Whether a path is text: file names may hold any bytes."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def last_number(stem: str) -> int | None:
     """The last run of digits in a file name without its suffix."""
     runs = DIGITS.findall(stem)

@@ -14,7 +14,7 @@ import cv2
 from pipeline.errors import InputError
 from pipeline.frame import StampOrigin
 from sources.replay import files
-from sources.replay.names import camera_names
+from sources.replay.names import camera_names, is_text
 from sources.replay.notices import Notices
 from sources.replay.pictures import quiet
 from sources.replay.streams import SAME_FPS, Entry, Raw, Recording, Request, Stream, fps_of, synthesised_ns
@@ -121,6 +121,8 @@ def opened(video: Path) -> cv2.VideoCapture:
     """A capture that stands before the first frame. Raises InputError for what is no video."""
     # FFmpeg writes to stderr what we say in one sentence; OpenCV hears of that only here, and a user's own value stays.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", FFMPEG_QUIET)
+    if not is_text(video):  # OpenCV would crash
+        raise InputError(f"{video}: the name has bytes that are no UTF-8 text: rename it")
     # Named, because OpenCV would otherwise try left01.mp4 as the first of a sequence of pictures, too.
     with quiet():
         capture = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
