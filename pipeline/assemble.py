@@ -13,10 +13,14 @@ from pipeline.buffer import WindowBuffer
 from pipeline.conditions import Conditions
 from pipeline.config import PairSettings
 from pipeline.configtext.document import Problem
+from pipeline.detectors.adaptive_window import AdaptiveWindowDetector, AdaptiveWindowSettings
+from pipeline.detectors.epipolar_classes import EpipolarClassesDetector, EpipolarClassesSettings
 from pipeline.detectors.offset.detector import OffsetDetector
 from pipeline.detectors.offset.settings import OffsetSettings
+from pipeline.detectors.orb import OrbDetector, OrbSettings
 from pipeline.detectors.spatial import SpatialDetector, SpatialSettings
 from pipeline.detectors.timestamp import TimestampDetector, TimestampSettings
+from pipeline.detectors.weighted_template import WeightedTemplateDetector, WeightedTemplateSettings
 from pipeline.errors import InputError
 from pipeline.event_log import read_events
 from pipeline.faults.base import Fault
@@ -167,6 +171,16 @@ KINDS = Kinds(
             ),
             "offset": Kind(OffsetSettings, _offset_detector),
             "spatial": Kind(SpatialSettings, lambda s, *, name, rig, **_: SpatialDetector(s, name=name, rig=rig)),
+            "adaptive_window": Kind(
+                AdaptiveWindowSettings, lambda s, *, name, rig, **_: AdaptiveWindowDetector(s, name=name, rig=rig)
+            ),
+            "weighted_template": Kind(
+                WeightedTemplateSettings, lambda s, *, name, rig, **_: WeightedTemplateDetector(s, name=name, rig=rig)
+            ),
+            "orb": Kind(OrbSettings, lambda s, *, name, rig, **_: OrbDetector(s, name=name, rig=rig)),
+            "epipolar_classes": Kind(
+                EpipolarClassesSettings, lambda s, *, name, rig, **_: EpipolarClassesDetector(s, name=name, rig=rig)
+            ),
         },
         "sinks": {
             "console": Kind(

@@ -41,6 +41,15 @@ def grey(image: Picture) -> Picture:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
+def reduced(image: Picture, width_px: int) -> Picture:
+    """The picture at no more than this width, by area averaging; grey or colour."""
+    height, width = image.shape[:2]
+    if width <= width_px:
+        return image
+    size = (width_px, max(1, round(height * width_px / width)))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
 def gradient_magnitude(image: Picture) -> npt.NDArray[np.float32]:
     """H x W float32: the L2 norm of the 3 x 3 Sobel derivatives in x and y (the report, section 3.1.2)."""
     flat = grey(image)

@@ -2,110 +2,104 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from pipeline.frame import Frame, Pair, Rig, Triple, Window
-from pipeline.pictures import Memo, gradient_magnitude
-from pipeline.settings import Settings
-from pipeline.verdict import Basis, Evidence, State
+from pipeline.detectors.candidates import CandidateDetector, Candidates, CandidateSettings, Floats, Parts, Scores
+from pipeline.detectors.offset.silence import Silence
+from pipeline.frame import Frame, Pair, Rig, Window
+from pipeline.pictures import Memo, gradient_magnitude, grey
+from pipeline.verdict import Reason
 
-BETWEEN_FRAMES = 0.25
-"""An expected offset further than this from a whole number of frames cannot be judged in whole frames."""
-
-Gradient = npt.NDArray[np.float32]
+BANDS = 24
+"""Bands of rows whose correlations tell how far chance moves a correlation: 20 rows each in a VGA picture."""
 
 
-class SpatialSettings(Settings):
-    """The report's spatial test has nothing to set."""
+class SpatialSettings(CandidateSettings):
+    """The report's spatial test; what can be set is what the report leaves open or decides otherwise.
+
+    picture: what is correlated, the gradient as in the report, or the plain grey picture.
+    correlation: `plain` is the report's equation 3.1; `zero_mean` takes the means off first, so that two bright
+    pictures are not alike for being bright.
+    always_answer: as the report does; false abstains where the choice would be chance.
+    """
 
     type: Literal["spatial"] = "spatial"
+    picture: Literal["gradient", "grey"] = "gradient"
+    correlation: Literal["plain", "zero_mean"] = "plain"
+    always_answer: bool = True
 
 
-class SpatialDetector:
+class SpatialDetector(CandidateDetector):
     """Sync if the second camera's frame t correlates best with the first camera's frame t.
-
-    For a staggered pair, the frame that it is expected to match takes the place of t.
 
     The centre half (full height) of the first gradient is slid horizontally over the second camera's gradients of t,
     t-1 and t+1; the largest normalised cross-correlation wins (the report's equation 3.1), a tie goes to t. At the ends
     of a stream and beside holes the candidates are those that exist. It abstains only when it cannot compare: a frame
     of t is missing, sizes differ, or there is no edge at all to correlate.
 
-    Source: the report, section 3.1.2 and Algorithm 3 (docs/classic-algorithm.md).
+    Source: the report, section 3.1.2 and Algorithm 3 (docs/classic-algorithm.md). Filled in: plain grey, zero-mean
+    correlation, and what chance amounts to (the scatter of the correlation over bands of rows), all off by default.
     """
 
-    def __init__(self, _: SpatialSettings, *, name: str, rig: Rig) -> None:
-        self._name = name
-        self._rig = rig
-        self._gradients: Memo[Gradient] = Memo(lambda frame: gradient_magnitude(frame.image))
+    measure: ClassVar[str] = "correlation"
 
-    def observe(self, window: Window) -> Sequence[Evidence]:
-        self._gradients.enter(window)
-        return [self._judge(pair, window) for pair in self._rig.pairs]
-
-    def _judge(self, pair: Pair, window: Window) -> Evidence:
-        first, triple = window.cameras[pair.first].current, window.cameras[pair.second]
-        if first is None or triple.current is None:
-            return self._abstain(pair, f"no frame of {pair.first if first is None else pair.second}")
-        period_ns = self._rig.camera(pair.second).period_ns
-        expected = pair.expected_offset_ns / period_ns
-        if abs(expected - round(expected)) > BETWEEN_FRAMES:
-            return self._abstain(pair, f"an expected offset of {expected:.2f} frames lies between whole frames")
-        if first.image.shape[:2] != triple.current.image.shape[:2]:
-            return self._abstain(pair, f"picture sizes differ: {_size(first)}, {_size(triple.current)}")
-        template = centre_half(self._gradients[first])
-        scores = self._scores(template, triple)
-        if not any(scores.values()):
-            return self._abstain(pair, "no edges in the pictures")
-        winner = max(scores, key=lambda offset: (scores[offset], offset == 0))
-        others = max((score for offset, score in scores.items() if offset != winner), default=None)
-        margin = "" if others is None else f", next best {others:.4f}"
-        return Evidence(
-            pair=pair.name,
-            detector=self._name,
-            basis=Basis.CONTENT,
-            state=State.SYNC if winner == round(expected) else State.ASYNC,
-            reason=f"{pair.second} {MOMENT[winner]} matches best: {scores[winner]:.4f}{margin}",
-            offset_ns=winner * period_ns,
-            offset_frames=float(winner),
-            numbers={f"correlation_{MOMENT[offset]}": score for offset, score in scores.items()},
+    def __init__(self, settings: SpatialSettings, *, name: str, rig: Rig) -> None:
+        super().__init__(settings, name=name, rig=rig)
+        self._zero_mean = settings.correlation == "zero_mean"
+        self._method = cv2.TM_CCOEFF_NORMED if self._zero_mean else cv2.TM_CCORR_NORMED
+        self._what = "edges" if settings.picture == "gradient" else "contrast"
+        gradient = settings.picture == "gradient"
+        self._pictures: Memo[Floats] = Memo(
+            lambda frame: gradient_magnitude(frame.image) if gradient else np.asarray(grey(frame.image), np.float32)
         )
 
-    def _scores(self, template: Gradient, triple: Triple) -> dict[int, float]:
-        """Correlation by the offset each candidate would prove: if t-1 matches, the camera is a frame ahead."""
-        candidates = {0: triple.current, 1: triple.previous, -1: triple.following}
-        return {
-            offset: correlation(template, self._gradients[frame])
-            for offset, frame in candidates.items()
-            if frame is not None
+    def enter(self, window: Window) -> None:
+        self._pictures.enter(window)
+
+    def compare(self, pair: Pair, first: Frame, candidates: Candidates) -> Scores | Silence:  # noqa: ARG002
+        template = centre_half(self._pictures[first])
+        width = template.shape[1]
+        found = {
+            offset: best_place(template, self._pictures[each], self._method) for offset, each in candidates.items()
         }
+        if not any(score for score, _ in found.values()):
+            return Silence(f"no {self._what} in the pictures", Reason.NO_TEXTURE)
+        parts = (
+            {}
+            if self._always
+            else {
+                offset: by_bands(
+                    template, self._pictures[candidates[offset]][:, x : x + width], zero_mean=self._zero_mean
+                )
+                for offset, (_, x) in found.items()
+            }
+        )
+        return Scores({offset: score for offset, (score, _) in found.items()}, parts)
 
-    def _abstain(self, pair: Pair, reason: str) -> Evidence:
-        return Evidence(pair=pair.name, detector=self._name, basis=Basis.CONTENT, state=State.UNKNOWN, reason=reason)
 
-
-MOMENT = {0: "t", 1: "t-1", -1: "t+1"}
-
-
-def _size(frame: Frame) -> str:
-    height, width = frame.image.shape[:2]
-    return f"{frame.camera} {width}x{height}"
-
-
-def centre_half(gradient: Gradient) -> Gradient:
+def centre_half(picture: Floats) -> Floats:
     """H x W/2: the middle columns, so that the template can slide a quarter of the width either way."""
-    width = gradient.shape[1]
+    width = picture.shape[1]
     start = (width - width // 2) // 2
-    return gradient[:, start : start + width // 2]
+    return picture[:, start : start + width // 2]
 
 
-def correlation(template: Gradient, gradient: Gradient) -> float:
-    """The best normalised cross-correlation (equation 3.1) over all horizontal positions, 0 where there is no edge."""
-    scores = np.asarray(cv2.matchTemplate(gradient, template, cv2.TM_CCORR_NORMED))
+def best_place(template: Floats, picture: Floats, method: int) -> tuple[float, int]:
+    """The best normalised cross-correlation over all horizontal positions, 0 where all is alike, and its column."""
+    if method == cv2.TM_CCOEFF_NORMED and np.ptp(template) == 0:
+        return 0.0, 0
+    scores = np.asarray(cv2.matchTemplate(picture, template, method))
     best = float(scores.max())
-    return best if np.isfinite(best) else 0.0
+    return (best, int(scores.argmax())) if np.isfinite(best) else (0.0, 0)
+
+
+def by_bands(template: Floats, region: Floats, *, zero_mean: bool) -> Parts:
+    """What each of BANDS bands of rows adds to the correlation of two pictures of a size, which is their mean."""
+    if zero_mean:
+        template, region = template - template.mean(), region - region.mean()
+    energy = float(cv2.norm(template, cv2.NORM_L2)) * float(cv2.norm(region, cv2.NORM_L2))
+    rows = (template * region).mean(axis=1, dtype=np.float64) * (template.size / max(energy, 1e-9))
+    return np.array([band.mean() for band in np.array_split(rows, min(BANDS, len(rows)))])

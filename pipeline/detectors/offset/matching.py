@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 
+from pipeline.detectors.keypoints import keypoints, same
 from pipeline.detectors.offset.arrays import Ints, Points
 from pipeline.detectors.offset.tracks import follow
 from pipeline.detectors.offset.working import Working
@@ -133,20 +135,13 @@ def search(first: Picture, second: Picture) -> tuple[Points, Points]:
     ORB descriptors (Rublee et al. 2011), mutual best matches with a ratio test, kept where they agree on one epipolar
     geometry (RANSAC with the seven-point model).
     """
-    orb = cv2.ORB.create(FEATURES, fastThreshold=7)
-    (here, mine), (there, theirs) = (orb.detectAndCompute(image, None) for image in (first, second))
+    mine, theirs = keypoints(first, FEATURES), keypoints(second, FEATURES)
+    here, there = same(mine, theirs, RATIO)
+    source, target = mine.at[here], theirs.at[there]
     empty = np.empty((0, 2), np.float32)
-    if mine is None or theirs is None or min(len(mine), len(theirs)) < FEW:
-        return empty, empty
-    near, best = cv2.batchDistance(mine, theirs, cv2.CV_32S, normType=cv2.NORM_HAMMING, K=2)
-    _, back = cv2.batchDistance(theirs, mine, cv2.CV_32S, normType=cv2.NORM_HAMMING, K=1)
-    best = best[:, 0]
-    clear = (near[:, 0] < RATIO * near[:, 1]) & (back[best, 0] == np.arange(len(best)))
-    source = np.array([key.pt for key in here], np.float32)[clear]
-    target = np.array([key.pt for key in there], np.float32)[best[clear]]
     if len(source) < FEW:
         return empty, empty
-    inliers = cv2.findFundamentalMat(source, target, cv2.FM_RANSAC, EPIPOLAR_PX, 0.99, 500)[1]
+    inliers: Any = cv2.findFundamentalMat(source, target, cv2.FM_RANSAC, EPIPOLAR_PX, 0.99, 500)[1]
     if inliers is None:
         return empty, empty
     kept = inliers.ravel().astype(bool)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
-import numpy as np
 
 from pipeline.frame import Picture
-from pipeline.pictures import grey
+from pipeline.pictures import grey, reduced
 
 COARSE_WIDTH_PX = 160
 """Width of the picture for motion signals: a 4 px block of a VGA picture is one of its pixels, so codec noise averages
@@ -33,11 +32,3 @@ def work_on(image: Picture, width_px: int) -> Working:
     flat = reduced(grey(image), width_px)
     mean, deviation = (float(v[0, 0]) for v in cv2.meanStdDev(flat))
     return Working(flat, reduced(flat, COARSE_WIDTH_PX), mean, deviation)
-
-
-def reduced(image: Picture, width_px: int) -> Picture:
-    height, width = image.shape[:2]
-    if width <= width_px:
-        return image
-    size = (width_px, max(1, round(height * width_px / width)))
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
