@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-browser images evaluate evaluate-full accuracy classic bench clean
+.PHONY: help run test test-browser images evaluate evaluate-full accuracy classic bench clean methods
 
 help:  ## what can be made
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "make %-13s %s\n", $$1, $$2}' Makefile
@@ -45,6 +45,9 @@ evaluate-full: $(INSTALLED)  ## the same with ten seeds, and two rendered hours 
 
 classic: $(INSTALLED)  ## score the report's detectors on the real recordings, into docs/classic-algorithm.md
 	$(BIN)/python -m benchmarks.classic
+
+methods: $(INSTALLED)  ## every method of the report beside the default, into docs/methods.md (a quarter of an hour)
+	$(BIN)/python -m benchmarks.methods
 
 bench: $(INSTALLED)  ## what the content offset and rendering cost, as ratios to the report's spatial test
 	$(BIN)/python -m benchmarks.cost

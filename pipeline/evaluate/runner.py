@@ -50,7 +50,7 @@ def check(clips: Sequence[Clip]) -> list[int | None]:
 
 
 def _checked(clip: Clip) -> int | None:
-    source = _opened(clip)
+    source = opened(clip)
     try:
         names = [camera.name for camera in source.cameras]
         clip.check_cameras(names)
@@ -110,7 +110,7 @@ def _count_in(counter: Synchronized[int]) -> None:
 
 def evaluate_clip(clip: Clip) -> Result:
     """Runs one clip. Raises InputError or RunError that names it."""
-    source = _opened(clip)
+    source = opened(clip)
     fps = source.cameras[0].fps
     period_ns = period_of(fps)
     rows: dict[str, list[Row]] = {}
@@ -143,7 +143,8 @@ def evaluate_clip(clip: Clip) -> Result:
     return result
 
 
-def _opened(clip: Clip) -> Source:
+def opened(clip: Clip) -> Source:
+    """The clip's source, open, with all that is done to it. Raises InputError that names the clip."""
     source = build_source(clip.plan(KINDS), wrap=partial(_subsampled, clip), know_truth=True)
     try:
         source.open()
