@@ -160,3 +160,48 @@ def test_a_pair_staggered_by_half_a_frame_is_beyond_it():
     (evidence,) = detector(staggered(0.5)).observe(window(left=picture("left", A), right=picture("right", A)))
     assert evidence.state is State.UNKNOWN
     assert evidence.reason == "an expected offset of 0.50 frames lies between whole frames"
+
+
+@pytest.mark.parametrize("picture_of", ["gradient", "grey"])
+@pytest.mark.parametrize("correlation", ["plain", "zero_mean"])
+def test_every_variant_finds_the_frame_that_looks_like_the_left_one(picture_of, correlation):
+    chosen = SpatialSettings(picture=picture_of, correlation=correlation)
+    right = (picture("right", A), picture("right", B), picture("right", C))
+    test = SpatialDetector(chosen, name="spatial", rig=RIG)
+    (evidence,) = test.observe(window(left=picture("left", A), right=right))
+    assert evidence.offset_frames == 1.0
+
+
+def test_plain_correlation_of_grey_pictures_takes_bright_for_alike_and_zero_mean_does_not():
+    bright = np.asarray(np.clip(B / 8 + 200, 0, 255), np.uint8)
+    right = (picture("right", bright), picture("right", np.asarray(A // 4, np.uint8)), picture("right", bright))
+    dim = np.asarray(A // 8 + 100, np.uint8)
+    answers = {}
+    for correlation in ("plain", "zero_mean"):
+        chosen = SpatialSettings(picture="grey", correlation=correlation)
+        (evidence,) = SpatialDetector(chosen, name="spatial", rig=RIG).observe(
+            window(left=picture("left", dim), right=right)
+        )
+        answers[correlation] = evidence.offset_frames
+    assert answers["zero_mean"] == 0
+    assert answers["plain"] != 0
+
+
+@pytest.mark.parametrize("correlation", ["plain", "zero_mean"])
+def test_grey_pictures_without_contrast_are_unknown(correlation):
+    chosen = SpatialSettings(picture="grey", correlation=correlation)
+    black = np.zeros_like(A)
+    right = (picture("right", black), picture("right", black), picture("right", black))
+    (evidence,) = SpatialDetector(chosen, name="spatial", rig=RIG).observe(
+        window(left=picture("left", black), right=right)
+    )
+    assert (evidence.state, evidence.reason) == (State.UNKNOWN, "no contrast in the pictures")
+
+
+@pytest.mark.parametrize("zero_mean", [True, False])
+def test_the_mean_over_bands_is_the_correlation(zero_mean):
+    method = module.cv2.TM_CCOEFF_NORMED if zero_mean else module.cv2.TM_CCORR_NORMED
+    template, target = (np.asarray(each, np.float32) for each in (A[:, 16:48], B))
+    best, x = module.best_place(template, target, method)
+    bands = module.by_bands(template, target[:, x : x + 32], zero_mean=zero_mean)
+    assert bands.mean() == pytest.approx(best, abs=1e-4)
