@@ -24,7 +24,7 @@ test: $(INSTALLED)  ## everything CI runs: style, types, tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --dist loadfile
 
 test-browser: $(INSTALLED)  ## the dashboard and the reports in a headless browser (installs chromium; as root)
 	@tests/browser/setup.sh

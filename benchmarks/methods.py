@@ -132,7 +132,7 @@ def watched(clip: Clip) -> Iterator[tuple[Window, Observation, Rig, Mapping[str,
     plan = clip.plan(KINDS)
     source = opened(clip)
     try:
-        rig = build_rig(plan, source.cameras)
+        rig = build_rig(plan, source)
         detectors = {
             name: chosen.build(chosen.settings, name=name, rig=rig, classic=False, plan=plan)
             for name, chosen in plan.detectors.items()

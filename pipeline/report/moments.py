@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.detectors.offset.working import reduced
 from pipeline.frame import Frame, Pair, Picture
-from pipeline.pictures import grey
+from pipeline.pictures import grey, reduced
 from pipeline.steady import Steady
 from pipeline.verdict import State, Verdict
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from pipeline.detectors.offset.arrays import Points
-from pipeline.detectors.offset.working import reduced
 from pipeline.frame import NS_PER_MS, Picture
+from pipeline.pictures import reduced
 from pipeline.report.moments import WIDTH_PX, Moment
 from pipeline.report.points import Compared, compare
 from pipeline.report.recorder import PairRecord

@@ -42,7 +42,7 @@ def read(request: Request) -> Recording:
         stamped_stream(name, video, own, origin, request)
         for name, video, own, origin in zip(names, videos.values(), of, origins, strict=True)
     )
-    return Recording(tuple(streams), StampOrigin.ARRIVAL)
+    return Recording(tuple(streams), StampOrigin.DRIVER)
 
 
 def _videos(folder: Path) -> dict[int, Path]:

@@ -126,7 +126,7 @@ def test_what_lies_at_a_url_is_judged_on_copies_that_are_removed(tmp_path, site)
     }
     assert told[below(url, "drone")]["state"] == "sync"
     assert list(copies.iterdir()) == []
-    assert [path for path in (tmp_path / "dask").rglob("syncwatch-*")] == []
+    assert list((tmp_path / "dask").rglob("syncwatch-*")) == []
     again = syncwatch("audit", url, "--cluster", address, cwd=tmp_path)
     assert "4 found, 4 of them judged before" in again.stderr
     wrong = syncwatch("audit", "zip://night::file://day.zip", "--cluster", address, cwd=tmp_path)
