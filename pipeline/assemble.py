@@ -69,6 +69,8 @@ from sinks.pictures import PicturesSettings, PicturesSink
 from sinks.prometheus import PrometheusSettings, PrometheusSink
 from sinks.ros2.sink import Ros2Settings, Ros2Sink
 from sinks.zenoh import ZenohSettings, ZenohSink
+from sources.oak.settings import OakSettings
+from sources.oak.source import OakSource
 from sources.push import PushSettings, PushSource
 from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
@@ -137,6 +139,7 @@ KINDS = Kinds(
         "source": {
             "synthetic": Kind(SyntheticSettings, lambda s, plan: SyntheticSource(s, seed=plan.config.seed)),
             "replay": Kind(ReplaySettings, lambda s, plan: ReplaySource(s, base=plan.base)),
+            "oak": Kind(OakSettings, lambda s, _: OakSource(s)),
             "push": Kind(PushSettings, lambda s, _: PushSource(s)),
             "zenoh": Kind(ZenohSourceSettings, lambda s, _: ZenohSource(s)),
             "v4l2": Kind(V4l2Settings, lambda s, _: V4l2Source(s)),

@@ -1,11 +1,9 @@
-"""How sources and sinks get onto a Zenoh network: the settings, the session configuration made from them, its end."""
+"""How sources and sinks get onto a Zenoh network: the settings and the session configuration made from them."""
 
 from __future__ import annotations
 
 import json
 import re
-import threading
-from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 import zenoh
@@ -89,11 +87,3 @@ def is_linked(session: zenoh.Session) -> bool:
 def first_words(error: zenoh.ZError) -> str:
     """What went wrong, without the places in Zenoh's own source."""
     return SOURCE_PLACE.sub("", str(error).splitlines()[0])
-
-
-def closes_within(close: Callable[[], object], seconds: float) -> bool:
-    """Closes in a thread of its own; whether it was done in time: a router that hangs holds a session for longer."""
-    closer = threading.Thread(target=close, name="zenoh-close", daemon=True)
-    closer.start()
-    closer.join(seconds)
-    return not closer.is_alive()

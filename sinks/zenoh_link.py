@@ -10,8 +10,9 @@ from typing import Protocol
 
 import zenoh
 
+from pipeline.deadline import done_within
 from pipeline.errors import RunError
-from pipeline.zenoh_network import NOBODY, RETRY_EVERY_S, closes_within, first_words, session_config
+from pipeline.zenoh_network import NOBODY, RETRY_EVERY_S, first_words, session_config
 from sinks.zenoh_settings import PublishingSettings
 
 log = logging.getLogger("syncwatch.sinks.zenoh")
@@ -84,7 +85,7 @@ class ZenohLink:
         return publication is not None and (not self._settings.connect or publication.is_connected())
 
     def _close(self, within_s: float) -> None:
-        if self._publication is not None and not closes_within(self._publication.close, within_s):
+        if self._publication is not None and not done_within(within_s, self._publication.close, f"{self._name}-close"):
             log.warning("%s: the session did not close in time", self._name)
 
     def _open_until_stopped(self) -> None:

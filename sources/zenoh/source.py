@@ -13,9 +13,10 @@ from typing import TypeAlias
 
 import zenoh
 
+from pipeline.deadline import done_within
 from pipeline.errors import InputError
 from pipeline.frame import NS_PER_S, Camera, Frame, StampOrigin
-from pipeline.zenoh_network import NOBODY, RETRY_EVERY_S, closes_within, first_words, is_linked, session_config
+from pipeline.zenoh_network import NOBODY, RETRY_EVERY_S, first_words, is_linked, session_config
 from sources.live import ARRIVAL_CLOCK, Inbox, feed
 from sources.replay.notices import Notices
 from sources.replay.pictures import PictureMaker
@@ -124,7 +125,7 @@ class ZenohSource:
         self.stop()
         if self._receiver is not None:
             self._receiver.join(STOP_WITHIN_S)
-        if self._session is not None and not closes_within(self._session.close, STOP_WITHIN_S):
+        if self._session is not None and not done_within(STOP_WITHIN_S, self._session.close, "zenoh-close"):
             log.warning("zenoh: the session did not close in time")
         self._inbox.say_what_was_dropped()
         for camera, count in self._refused.items():
