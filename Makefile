@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-browser test-oak images evaluate evaluate-full accuracy classic bench clean methods
+.PHONY: help run test test-browser test-guest test-oak images evaluate evaluate-full accuracy classic bench clean methods
 
 help:  ## what can be made
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "make %-13s %s\n", $$1, $$2}' Makefile
@@ -36,6 +36,9 @@ images: $(INSTALLED)  ## renew the screenshots of the documentation
 test-oak: $(INSTALLED)  ## the tests that need depthai, which is installed first (366 MB); no OAK is needed
 	@PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[oak]'
 	$(BIN)/pytest tests/sources/oak tests/syncwatch/test_oak_tap.py
+
+test-guest: $(INSTALLED)  ## tests with the cameras of a real kernel in an emulated machine (Debian; root the first time)
+	tests/guest/run.sh
 
 accuracy: $(INSTALLED)  ## measure the content offset against its goals, into docs/accuracy.md (a quarter of an hour)
 	$(BIN)/python -m benchmarks.accuracy

@@ -13,6 +13,7 @@ from sources.v4l2.capture import Capture, Shot
 from sources.v4l2.device import Host, TroubleError
 from sources.v4l2.nodes import Node, find, find_again
 from sources.v4l2.settings import V4l2CameraSettings
+from sources.v4l2.stamps import MONOTONIC
 
 log = logging.getLogger("syncwatch.sources.v4l2")
 
@@ -131,10 +132,15 @@ class LiveCamera:
         if self._epoch_has_frames:
             self._epoch, self._epoch_has_frames = self._epoch + 1, False
             self.counts.restarts += 1
+        started_ns = heard_ns = self._host.monotonic_ns()
         self._capture.start()
-        heard_ns = self._host.monotonic_ns()
+        first = True
         while not self._stopped.is_set():
             shot = self._capture.read(LOOK_S)
+            if shot is not None and first:
+                first = False
+                if is_stale(shot, started_ns):
+                    continue
             if shot is not None and shot.picture is not None:
                 heard_ns = shot.arrived_ns
                 self._deliver(shot)
@@ -192,3 +198,9 @@ class LiveCamera:
             where = "" if self.node is None else f" at {self.node.path}"
             log.warning("%s: pictures again%s, after %.1f s", self.name, where, down_s)
             self._trouble = None
+
+
+def is_stale(shot: Shot, started_ns: int) -> bool:
+    """Whether a first picture was taken before the camera was started: some drivers begin with the last of before."""
+    captured_ns = shot.stamp.captured_ns
+    return captured_ns is not None and shot.stamp.clock == MONOTONIC and captured_ns < started_ns

@@ -49,7 +49,8 @@ INIT
 chmod +x "$work/initramfs/init"
 (cd "$work/initramfs" && find . | cpio --quiet -o -H newc | gzip -1) > "$work/initramfs.gz"
 
-accelerator=(-accel tcg,thread=multi -cpu max)
+# NumPy sorts by AVX2 where it is to be had, which crashes in QEMU's emulation of it.
+accelerator=(-accel tcg,thread=multi -cpu max,avx2=off)
 [ "${SYNCWATCH_GUEST_KVM:-}" = 1 ] && accelerator=(-accel kvm -cpu host)
 timeout --kill-after=5 "$timeout_s" qemu-system-x86_64 "${accelerator[@]}" -machine q35 -smp 2 -m 1536 \
     -display none -monitor none -no-reboot -nodefaults \

@@ -5,7 +5,8 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 
 guest=build/guest
-[ -e "$guest/ready" ] && exit 0
+ready=$guest/ready-$(sha256sum < tests/guest/setup.sh | cut -c 1-12)
+[ -e "$ready" ] && exit 0
 [ "$(uname -m)" = x86_64 ] && command -v apt-get > /dev/null || { echo "guest tests need Debian on x86-64" >&2; exit 2; }
 
 tools=(qemu-system-x86 busybox-static kmod cpio v4l-utils gcc make xz-utils)
@@ -48,4 +49,4 @@ depmod -b "$guest/root" "$version"
 echo "$version" > "$guest/version"
 
 rm -rf "$guest/packages" "$guest/unpacked"
-touch "$guest/ready"
+touch "$ready"

@@ -65,6 +65,13 @@ def test_stamps_whose_clock_the_kernel_does_not_tell_are_of_the_clock_they_are_n
     assert (frames[0].clock, frames[0].stamp_reference) == (clock, StampReference.UNKNOWN)
 
 
+def test_a_picture_from_before_the_start_is_not_delivered(machine):
+    machine.plug("video0", FakeCamera([Shot(captured_ns=machine.now_ns - 1000), Shot()]))
+    frames, camera = machine.run()
+    assert [frame.sequence for frame in frames] == [1]
+    assert camera.counts.text == ""
+
+
 def test_a_damaged_picture_is_left_out_counted_and_said(machine, caplog):
     bad = Shot(flags=abi.FLAG_TIMESTAMP_MONOTONIC | abi.FLAG_ERROR)
     machine.plug("video0", FakeCamera([Shot(), bad, bad, Shot()]))
