@@ -19,6 +19,8 @@ from pipeline.verdict import State
 GOOD, QUIET, BAD = "#009E73", "#d0d0d0", "#D55E00"
 """Right, abstained, wrong; after Okabe and Ito, which the colour-blind can tell apart."""
 
+WHOSE = {REPORT: "the report", DEFAULT: "default"}
+
 FIXED: dict[Any, Any] = {
     "svg.hashsalt": "methods",
     "svg.fonttype": "none",
@@ -30,28 +32,28 @@ FIXED: dict[Any, Any] = {
 
 def draw(measured: Measured, file: Path) -> None:
     with mpl.rc_context(FIXED):
-        figure = Figure(figsize=(11, 8.2), layout="constrained")
+        figure = Figure(figsize=(11, 7.6), layout="constrained")
         grid = figure.add_gridspec(2, 8, height_ratios=(1.45, 1))
         names = list(measured.methods)[::-1]
         moving, still = figure.add_subplot(grid[0, :5]), figure.add_subplot(grid[0, 5:])
         _bars(moving, names, [measured.methods[name].moving() for name in names], guess=False)
         _bars(still, names, [measured.methods[name].still() for name in names], guess=True)
         moving.set_yticks(range(len(names)), [_label(measured, name) for name in names])
-        moving.set_title("Things move: which frame belongs to the first's?", loc="left")
+        moving.set_title("Things move (0.5×: half the CPU of spatial)", loc="left", fontsize=11)
         still.set_yticks([])
-        still.set_title("Nothing moves: every answer is a guess", loc="left")
+        still.set_title("Nothing moves: who answers guesses", loc="left", fontsize=11)
         figure.legend(*moving.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)
         places = [(experiment, rule) for experiment in measured.experiments for rule in (REPORT, DEFAULT)]
         for place, (experiment, rule) in enumerate(places):
             axes = figure.add_subplot(grid[1, 2 * place : 2 * place + 2])
             _matrix(axes, measured.experiments[experiment][rule])
-            axes.set_title(f"{experiment}, {rule}", fontsize=9)
+            axes.set_title(f"{experiment} scene, {WHOSE[rule]}:\n{rule}", fontsize=9)
         figure.savefig(file, format="svg", metadata={"Date": None})
 
 
 def _label(measured: Measured, name: str) -> str:
     ratios = measured.methods[name].ratios_to(measured.methods[BASE])
-    return f"{name}\nCPU {median(ratios):.1f} x"
+    return f"{name}  {median(ratios):.1f}×"
 
 
 def _bars(axes: Axes, names: Sequence[str], scores: Sequence[Scores], *, guess: bool) -> None:
