@@ -20,8 +20,8 @@ BETWEEN_FRAMES = 0.25
 """An expected offset further than this from a whole number of frames cannot be judged in whole frames."""
 
 SURE = 3.0
-"""Standard errors by which the best candidate must beat the second: with three to choose from, chance does so in one
-window of two hundred."""
+"""Standard errors by which the best candidate must beat the second: with three to choose from, chance does so in fewer
+than one window of a hundred, as far as parts err independently."""
 
 LEAST_PARTS = 8
 """Of fewer parts no scatter can be told."""
