@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.assemble import KINDS, assemble, build_source
-from pipeline.cli.replay import recording_plan
+from pipeline.cli.recording import RecordingOptions, recording_plan
 from pipeline.frame import Frame, Picture, Window
 from pipeline.run import Run
 from pipeline.verdict import Evidence, Reason, State, Verdict
@@ -164,7 +164,7 @@ def test_they_work_together_on_a_recording(tmp_path):
         (tmp_path / camera).mkdir()
         for n, image in enumerate(pictures[:6]):
             cv2.imwrite(str(tmp_path / camera / f"{n}.png"), image)
-    plan = recording_plan([str(tmp_path)], fps=FPS, detectors=",".join(METHODS))
+    plan = recording_plan([str(tmp_path)], RecordingOptions(fps=FPS), detectors=",".join(METHODS))
     source, reports = build_source(plan), []
     source.open()
     Run(assemble(plan, source, console=io.StringIO(), on_report=reports.append)).execute()
