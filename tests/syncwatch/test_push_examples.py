@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+from functools import partial
 
 import cv2
 
@@ -62,7 +64,10 @@ class Picamera2:
 def run(*command, **environment):
     env = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
     command = [sys.executable, *map(str, command)]
-    done = subprocess.run(command, check=False, cwd=ROOT, env=env, capture_output=True, text=True, timeout=100)
+    heeds = partial(signal.signal, signal.SIGINT, signal.default_int_handler)  # what runs in the background ignores it
+    done = subprocess.run(
+        command, check=False, cwd=ROOT, env=env, capture_output=True, text=True, timeout=100, preexec_fn=heeds
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
 
