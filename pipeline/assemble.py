@@ -76,7 +76,7 @@ from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
-from sources.v4l2.listing import v4l2_cameras
+from sources.v4l2.listing import v4l2_cameras, v4l2_source
 from sources.v4l2.settings import V4l2Settings
 from sources.v4l2.source import V4l2Source
 from sources.zenoh.settings import ZenohSourceSettings
@@ -206,7 +206,7 @@ KINDS = Kinds(
     },
 )
 
-FINDERS: tuple[Finder, ...] = (v4l2_cameras,)
+FINDERS: tuple[Finder, ...] = (Finder(v4l2_cameras, v4l2_source),)
 """What looks for the cameras of this machine, in the order in which they are listed."""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any
 
 from pipeline.verdict import Message
 
@@ -38,7 +38,7 @@ class FoundCamera:
     """One camera.
 
     kind: the type of the source that reads it. path: where it is now. links: names of it that stay. problem: why it
-    cannot be used, in words. settings: what to write for it under `source.cameras`.
+    cannot be used, in words. settings: what a configuration says of it.
     """
 
     kind: str
@@ -65,5 +65,18 @@ class FoundCamera:
         }
 
 
-Finder: TypeAlias = Callable[[], Sequence[FoundCamera]]
-"""Looks for the cameras of one kind. It finds none where that kind cannot be had, and raises nothing."""
+@dataclass(frozen=True, slots=True)
+class Finder:
+    """Knows the cameras of one kind.
+
+    find: those of this machine; none where that kind cannot be had, and it raises nothing. source: a configuration's
+    `source` that reads these.
+    """
+
+    find: Callable[[], Sequence[FoundCamera]]
+    source: Callable[[Sequence[FoundCamera]], Mapping[str, Any]]
+
+
+def names_of(count: int) -> list[str]:
+    """Names for so many cameras of a rig."""
+    return ["left", "right"] if count == 2 else [f"cam{number}" for number in range(count)]

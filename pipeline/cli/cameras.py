@@ -10,20 +10,22 @@ import yaml
 
 from pipeline.assemble import FINDERS
 from pipeline.cli.common import DONE
-from pipeline.found import FoundCamera, Mode
+from pipeline.found import Finder, FoundCamera, Mode
 
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Everything that is known, as JSON.")
 def cameras(as_json: bool) -> int:
     """List the cameras of this machine, with a piece of configuration to paste."""
-    found = [camera for finder in FINDERS for camera in finder()]
+    by_finder = [(finder, finder.find()) for finder in FINDERS]
+    found = [camera for _, own in by_finder for camera in own]
     if as_json:
         click.echo(json.dumps([camera.to_json() for camera in found], indent=2))
     elif not found:
         click.echo("no cameras here: plug one in; `ls /dev/video*` shows what the system sees", err=True)
     else:
-        click.echo("\n".join([*_table(found), "", *_snippets(found)]))
+        snippets = [line for finder, own in by_finder for line in _snippet(finder, own)]
+        click.echo("\n".join([*_table(found), *snippets]))
     return DONE
 
 
@@ -60,20 +62,10 @@ def _size_text(mode: Mode) -> str:
     return f"{least}{mode.size[0]}x{mode.size[1]}{rates}"
 
 
-def _snippets(found: Sequence[FoundCamera]) -> list[str]:
-    """A source for the usable cameras of each kind."""
-    lines: list[str] = []
-    for kind in dict.fromkeys(camera.kind for camera in found):
-        usable = [camera for camera in found if camera.kind == kind and not camera.problem]
-        if not usable:
-            continue
-        names = ["left", "right"] if len(usable) == 2 else [f"cam{number}" for number in range(len(usable))]
-        lines += ["source:", f"  type: {kind}", "  cameras:"]
-        lines += [f"    {name}: {_flow(camera)}" for name, camera in zip(names, usable, strict=True)]
-        if len(usable) == 1:
-            lines.append("    # a rig needs two or more cameras")
-    return lines
-
-
-def _flow(camera: FoundCamera) -> str:
-    return yaml.safe_dump(dict(camera.settings), default_flow_style=True, sort_keys=False, width=10_000).strip()
+def _snippet(finder: Finder, found: Sequence[FoundCamera]) -> list[str]:
+    """A source for the cameras that can be used."""
+    usable = [camera for camera in found if not camera.problem]
+    if not usable:
+        return []
+    text = yaml.safe_dump({"source": dict(finder.source(usable))}, default_flow_style=None, sort_keys=False, width=1000)
+    return ["", *text.splitlines(), *(["# a rig needs two or more cameras"] if len(usable) == 1 else [])]

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pipeline.errors import InputError
-from pipeline.frame import NS_PER_S, Frame, StampOrigin
+from pipeline.frame import NS_PER_S, Frame, Picture, StampOrigin
 from sources.v4l2.capture import Capture, Shot
 from sources.v4l2.device import Host, TroubleError
 from sources.v4l2.nodes import Node, find, find_again
@@ -143,7 +143,7 @@ class LiveCamera:
                     continue
             if shot is not None and shot.picture is not None:
                 heard_ns = shot.arrived_ns
-                self._deliver(shot)
+                self._deliver(shot, shot.picture, self._capture.exposure_ns)
                 continue
             if shot is not None:
                 self._skip(shot)
@@ -155,8 +155,7 @@ class LiveCamera:
         usual_ns = round(max(silent_after_s, SILENT_PERIODS / (self.fps or 1)) * NS_PER_S)
         return usual_ns if self._epoch_has_frames else max(usual_ns, STARTING_NS)
 
-    def _deliver(self, shot: Shot) -> None:
-        assert shot.picture is not None
+    def _deliver(self, shot: Shot, picture: Picture, exposure_ns: int | None) -> None:
         self._rise()
         self.counts.frames += 1
         made_by_driver = shot.stamp.captured_ns is not None
@@ -167,8 +166,9 @@ class LiveCamera:
                 captured_ns=shot.arrived_ns if shot.stamp.captured_ns is None else shot.stamp.captured_ns,
                 clock=shot.stamp.clock,
                 arrived_ns=shot.arrived_ns,
-                image=shot.picture,
+                image=picture,
                 epoch=self._epoch,
+                exposure_ns=exposure_ns,
                 stamp_reference=shot.stamp.reference,
                 stamp_origin=StampOrigin.DRIVER if made_by_driver else StampOrigin.ARRIVAL,
             )

@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.frame import Picture
 from sources.v4l2 import abi
-from sources.v4l2.controls import set_controls
+from sources.v4l2.controls import exposure_ns, set_controls
 from sources.v4l2.device import ERROR, Device, Host, Memory, TroubleError, explained
 from sources.v4l2.formats import BY_CODE, FORMATS, Layout, PixelFormat
 from sources.v4l2.nodes import format_codes
@@ -39,13 +39,15 @@ class Shot:
 class Capture:
     """Opens and sets up a camera.
 
-    changes: what the driver changed of what was asked. fps: its frame rate in Hz as it states it, None where it does
-    not. Raises InputError for what this camera cannot do, TroubleError where it fails or is not free.
+    changes: what the driver changed of what was asked. fps: its frame rate in Hz as it states it. exposure_ns: how long
+    it exposes. Both are None where it does not say.
+    Raises InputError for what this camera cannot do, TroubleError where it fails or is not free.
     """
 
     def __init__(self, camera: str, settings: V4l2CameraSettings, path: Path, host: Host) -> None:
         self.changes: list[str] = []
         self.fps: float | None = None
+        self.exposure_ns: int | None = None
         self._host = host
         self._reader = StampReader(camera, host)
         self._memory: list[Memory] = []
@@ -58,6 +60,7 @@ class Capture:
             self._format, self._layout = self._set_format(settings)
             self.fps = self._set_rate(settings.fps)
             self.changes += set_controls(self._device, settings.controls)
+            self.exposure_ns = exposure_ns(self._device)
             self._map(settings.buffers)
         except BaseException:
             self.close()

@@ -111,7 +111,7 @@ def _set(device: Device, control: CameraControl, value: bool | int | str) -> lis
     if control.type == abi.CTRL_BUTTON:
         return []
     told = []
-    now = _value(device, control)
+    now = _value(device, control.id)
     if now is not None and now != number:
         told.append(f"{control.name}: asked for {value}, the driver set {now}")
     if control.flags & abi.CTRL_INACTIVE:
@@ -133,12 +133,22 @@ def _number(control: CameraControl, value: bool | int | str) -> int | None:
     return number if least <= number <= control.maximum else None
 
 
-def _value(device: Device, control: CameraControl) -> int | None:
-    asked = abi.Control(id=control.id)
+def exposure_ns(device: Device) -> int | None:
+    """How long the camera exposes, where it says so and no automatism changes it."""
+    ruled_by = _value(device, abi.CTRL_ID_EXPOSURE_AUTO)
+    if ruled_by not in {None, abi.EXPOSURE_MANUAL, abi.EXPOSURE_SHUTTER_PRIORITY}:
+        return None
+    units = _value(device, abi.CTRL_ID_EXPOSURE_ABSOLUTE)
+    return units * abi.EXPOSURE_UNIT_NS if units else None
+
+
+def _value(device: Device, number: int) -> int | None:
+    """The value of a control; None where it is not there or can only be written."""
+    asked = abi.Control(id=number)
     try:
         device.ioctl(abi.G_CTRL, asked)
     except OSError:
-        return None  # it can only be written
+        return None
     return int(asked.value)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from statistics import median
 
 import pytest
 
@@ -13,9 +14,11 @@ from tests.guest.machine import RESULTS, running
 FPS = 1
 """What an emulated machine looks at in time, unless the one below it is busy."""
 
-STARTING_S, FINDING_S = 200, 100
+STARTING_S, FINDING_S = 200, 150
 JUDGED = 10
 LEAST_IN_SYNC = 8
+LASTING = 7
+"""Verdicts after which the console tells of a change, and then some."""
 
 
 def by_pictures(lines, state):
@@ -44,7 +47,7 @@ def test_pictures_a_frame_late_are_found_although_stamps_agree(loopback, tmp_pat
                 player.stdin.write("late\n")
                 player.stdin.flush()
                 onset_ns = int(player.stdout.readline())
-                program.until(lambda lines: by_pictures(lines, "async"), within_s=FINDING_S)
+                program.until(lambda lines: len(by_pictures(lines, "async")) >= LASTING, within_s=FINDING_S)
                 player.kill()
                 program.until_quiet()
                 output, log = program.terminate()
@@ -56,12 +59,11 @@ def test_pictures_a_frame_late_are_found_although_stamps_agree(loopback, tmp_pat
     found = by_pictures(after, "async")[0]
     told = re.search(r"detection was too slow: (\d+) windows dropped", log)
     dropped = int(told[1]) if told else 0
-    print(output, log)  # noqa: T201
     print(f"found after {after.index(found)} judged windows; {len(judged)} judged, {dropped} dropped")  # noqa: T201
     assert not by_pictures(before, "async")
     assert after.index(found) < JUDGED
     assert len(judged) + dropped == judged[-1]["frame"] + 1
     assert found["cause"] == "stamps_lie"
     assert found["offset_frames"] == pytest.approx(-1, abs=0.1)
-    assert max(line["interval_ms"] for line in judged if line["interval_ms"] is not None) < 250 / FPS
+    assert median(line["interval_ms"] for line in judged if line["interval_ms"] is not None) < found["tolerance_ms"]
     assert "ASYNC stamps_lie" in output

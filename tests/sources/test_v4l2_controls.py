@@ -11,7 +11,8 @@ from pipeline.errors import InputError
 from sources.v4l2 import abi
 from tests.sources.v4l2_kernel import ControlSpec, FakeCamera, Machine, Shot, failure
 
-EXPOSURE, AUTO, GAIN, FIXED, PUSH = 10, 11, 12, 13, 14
+AUTO, EXPOSURE = 0x009A0901, 0x009A0902
+GAIN, FIXED, PUSH = 12, 13, 14
 CONTROLS = (
     ControlSpec(EXPOSURE, "Exposure Time, Absolute", minimum=1, maximum=200),
     ControlSpec(AUTO, "Auto Exposure", abi.CTRL_MENU, maximum=3, menu=("Auto Mode", "Manual Mode", "", "Aperture")),
@@ -50,7 +51,7 @@ def test_they_are_set_again_when_the_camera_is_opened_anew(machine):
     ("name", "value", "words"),
     [
         ("exposure_tme_absolute", 1, "controls.exposure_tme_absolute: no such control - did you mean 'exposure_time_"),
-        ("zoom", 1, "controls.zoom: no such control. It has exposure_time_absolute, auto_exposure, gain, pixel_rate,"),
+        ("zoom", 1, "controls.zoom: no such control. It has gain, pixel_rate, do_it, mirror, auto_exposure, exposure_"),
         ("old", 1, "controls.old: no such control"),
         ("exposure_time_absolute", 0, "controls.exposure_time_absolute: 0 is not allowed: give 1 to 200"),
         ("exposure_time_absolute", "long", "long is not allowed: give 1 to 200"),
@@ -64,6 +65,12 @@ def test_what_cannot_be_set_is_an_error_that_says_what_can(machine, name, value,
         machine.run(controls={name: value})
     assert words in str(caught.value)
     assert not machine.cameras["video0"].is_open
+
+
+@pytest.mark.parametrize(("auto", "exposure_ns"), [("Auto Mode", None), ("Manual Mode", 8_000_000), ("Aperture", None)])
+def test_an_exposure_that_no_automatism_changes_is_known(machine, auto, exposure_ns):
+    frames, _ = machine.run(controls={"auto_exposure": auto, "exposure_time_absolute": 80})
+    assert frames[0].exposure_ns == exposure_ns
 
 
 def test_what_the_driver_makes_of_a_value_is_said(machine, caplog):

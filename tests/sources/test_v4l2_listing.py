@@ -12,9 +12,10 @@ from click.testing import CliRunner
 from pipeline.assemble import KINDS
 from pipeline.cli import cameras as command
 from pipeline.configtext.document import load_text
+from pipeline.found import Finder
 from pipeline.plan import make_plan
 from sources.v4l2 import abi
-from sources.v4l2.listing import v4l2_cameras
+from sources.v4l2.listing import v4l2_cameras, v4l2_source
 from tests.sources.v4l2_kernel import FakeCamera, Machine, failure
 
 
@@ -24,7 +25,7 @@ def machine(tmp_path):
 
 
 def told(machine, monkeypatch, *arguments: str) -> str:
-    monkeypatch.setattr(command, "FINDERS", (lambda: v4l2_cameras(machine.host),))
+    monkeypatch.setattr(command, "FINDERS", (Finder(lambda: v4l2_cameras(machine.host), v4l2_source),))
     result = CliRunner().invoke(command.cameras, arguments, standalone_mode=False)
     assert result.return_value == 0
     return result.output

@@ -356,6 +356,8 @@ class FakeHandle:
         asked.name = word.encode()
 
     def _get_control(self, asked: abi.Control) -> None:
+        if asked.id not in self._camera.controls:
+            raise failure(errno.EINVAL)
         asked.value = self._camera.controls[asked.id].value
 
     def _set_control(self, given: abi.Control) -> None:
