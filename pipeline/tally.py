@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from pipeline.steady import CONFIRM, Change, Steady, alike
-from pipeline.verdict import Basis, Reason, State, Verdict
+from pipeline.verdict import Basis, Reason, Report, State, Verdict
 
 ENOUGH = 10
 """Frames that must agree before anything is said of a recording: fewer are an anecdote."""
@@ -165,6 +165,11 @@ class Tally:
 
     def add(self, verdict: Verdict) -> None:
         self.pairs.setdefault(verdict.pair, PairTally()).add(verdict)
+
+    def take(self, report: Report) -> None:
+        """Adds a verdict; other reports say nothing that is counted."""
+        if isinstance(report, Verdict):
+            self.add(report)
 
     def merge(self, other: Tally) -> None:
         """Adds what was counted of another part of the same recording."""

@@ -4,6 +4,8 @@ What other programs may import: `Monitor`, which watches frames that they take t
 and a sink receives, the Protocols both keep, and the base of their settings.
 """
 
+from typing import TYPE_CHECKING
+
 from pipeline.errors import InputError, RunError, SyncwatchError
 from pipeline.frame import (
     Camera,
@@ -34,7 +36,18 @@ from pipeline.verdict import (
     Status,
     Verdict,
 )
-from syncwatch.monitor import Monitor
+
+if TYPE_CHECKING:
+    from syncwatch.monitor import Monitor
+else:
+
+    def __getattr__(name: str) -> object:
+        if name == "Monitor":
+            from syncwatch.monitor import Monitor  # noqa: PLC0415 - brings the pipeline, which records do without
+
+            return Monitor
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = [
     "AlignedPair",

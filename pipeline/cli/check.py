@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +21,7 @@ from pipeline.cli.common import (
     execute,
     open_source,
     said_once,
+    seconds,
     set_option,
 )
 from pipeline.cli.recording import RecordingOptions, is_config, plan_of, recording_options
@@ -29,12 +29,11 @@ from pipeline.errors import InputError
 from pipeline.frame import StampOrigin
 from pipeline.plan import Plan
 from pipeline.tally import Tally
-from pipeline.verdict import Report, State, Verdict
+from pipeline.verdict import State
 
 log = logging.getLogger("syncwatch.check")
 
 STATUS = {State.SYNC: DONE, State.ASYNC: OUT_OF_SYNC, State.UNKNOWN: CANNOT_TELL}
-UNIT_S = {"ms": 0.001, "s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}
 SINKS: dict[str, Any] = {"console": {"style": "progress"}}
 
 
@@ -71,13 +70,8 @@ def check(
 
 def _check_all(plan: Plan, stop_after_s: float | None) -> int:
     tally = Tally()
-
-    def add(report: Report) -> None:
-        if isinstance(report, Verdict):
-            tally.add(report)
-
     try:
-        interrupted = execute(plan, on_report=add, stop_after_s=stop_after_s)
+        interrupted = execute(plan, on_report=tally.take, stop_after_s=stop_after_s)
     except InputError:
         if tally.pairs:
             _say(plan, answer(tally), " This is of the part that could be read.")
@@ -145,11 +139,3 @@ def _surveyed(plan: Plan) -> tuple[Survey | None, int]:
         return by_length(first, count), DONE
     survey, parts = by_headers(plan, source, source, console_of(plan))
     return survey, carry_out(parts)
-
-
-def seconds(text: str, option: str = "--for") -> float:
-    """`10s`, `500ms`, `2m` or `10` as seconds. Raises InputError."""
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)(ms|s|m|h|)", text.strip())
-    if match is None or float(match[1]) == 0:
-        raise InputError(f"{option} '{text}': expected a duration such as 10s, 500ms or 2m")
-    return float(match[1]) * UNIT_S[match[2]]

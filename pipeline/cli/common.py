@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -27,6 +28,7 @@ log = logging.getLogger("syncwatch.cli")
 
 DONE, FAILED, BAD_INPUT, OUT_OF_SYNC, CANNOT_TELL = 0, 1, 2, 3, 4
 CONFIG_NAME = "config.yaml"
+UNIT_S = {"ms": 0.001, "s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}
 
 WATCH = "the command's own"
 """The name of the sink that a command adds to those of the plan."""
@@ -185,6 +187,14 @@ class _OneLine(logging.Formatter):
         level = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
         text = f"syncwatch: {level}{record.getMessage()}"
         return text + ("\n" + self.formatException(record.exc_info) if record.exc_info else "")
+
+
+def seconds(text: str, option: str = "--for") -> float:
+    """`10s`, `500ms`, `2m` or `10` as seconds. Raises InputError."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)(ms|s|m|h|)", text.strip())
+    if match is None or float(match[1]) == 0:
+        raise InputError(f"{option} '{text}': expected a duration such as 10s, 500ms or 2m")
+    return float(match[1]) * UNIT_S[match[2]]
 
 
 def report(error: SyncwatchError) -> int:

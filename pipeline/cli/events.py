@@ -13,8 +13,7 @@ from typing import TypeAlias
 import click
 from pydantic import ValidationError
 
-from pipeline.cli.check import seconds
-from pipeline.cli.common import DONE, OUT_OF_SYNC
+from pipeline.cli.common import DONE, OUT_OF_SYNC, seconds
 from pipeline.cli.fleet import fleet_options, fleet_settings
 from pipeline.errors import InputError
 from pipeline.event_log import older, read_events

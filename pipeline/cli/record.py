@@ -8,12 +8,10 @@ from typing import Any, get_args
 import click
 
 from pipeline.answer import answer
-from pipeline.cli.check import seconds
-from pipeline.cli.common import execute, set_option
+from pipeline.cli.common import execute, seconds, set_option
 from pipeline.cli.recording import RecordingOptions, plan_of, recording_options
 from pipeline.mcap.frames import Pictures
 from pipeline.tally import Tally
-from pipeline.verdict import Verdict
 
 
 @click.command()
@@ -53,7 +51,7 @@ def record(
     plan = plan_of(path, options, sinks={"console": {"style": "progress"}, "mcap": settings}, overrides=overrides)
     interrupted = execute(
         plan,
-        on_report=lambda report: tally.add(report) if isinstance(report, Verdict) else None,
+        on_report=tally.take,
         stop_after_s=stop_after_s,
     )
     click.echo(f"{plan.config.rig}: {answer(tally).text}")

@@ -8,8 +8,7 @@ import click
 
 from pipeline.answer import Answer, answer
 from pipeline.assemble import version
-from pipeline.cli.check import seconds
-from pipeline.cli.common import execute, set_option
+from pipeline.cli.common import execute, seconds, set_option
 from pipeline.cli.output import output_file, write_output
 from pipeline.cli.recording import RecordingOptions, plan_of, recording_options
 from pipeline.errors import InputError

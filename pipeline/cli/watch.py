@@ -18,8 +18,7 @@ from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from pipeline.cli.check import seconds
-from pipeline.cli.common import DONE, OUT_OF_SYNC
+from pipeline.cli.common import DONE, OUT_OF_SYNC, seconds
 from pipeline.cli.fleet import fleet_options, fleet_settings
 from pipeline.fleet.headline import headline
 from pipeline.fleet.listener import FleetListener

@@ -69,8 +69,8 @@ def recognise(paths: Sequence[Path], wanted: str = "auto") -> str:
 def read_recording(request: Request) -> Recording:
     """Reads what is cheap to know of a recording: its streams, but no picture."""
     settings = request.settings
-    wanted = "halves" if settings.layout != "auto" and settings.format == "auto" else settings.format
-    name = wanted if settings.layout != "auto" and wanted == "halves" else recognise(request.paths, wanted)
+    told = settings.layout != "auto" and settings.format in {"auto", "halves"}  # then nothing has to be recognised
+    name = "halves" if told else recognise(request.paths, settings.format)
     return _of_one_rate(FORMATS[name].read(request))
 
 

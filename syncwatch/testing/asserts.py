@@ -11,7 +11,7 @@ from pipeline.assemble import assemble, build_source
 from pipeline.cli.recording import RecordingOptions, recording_plan
 from pipeline.run import Run
 from pipeline.tally import Tally
-from pipeline.verdict import Cause, Report, State, Verdict
+from pipeline.verdict import Cause, State
 
 Paths = str | PathLike[str] | Sequence[str | PathLike[str]]
 
@@ -42,12 +42,7 @@ def _judged(recording: Paths, fps: float | None, topics: str | None) -> tuple[An
     several = [recording] if isinstance(recording, (str, PathLike)) else recording
     plan = recording_plan([fspath(path) for path in several], RecordingOptions(fps=fps, topics=topics))
     tally = Tally()
-
-    def take(report: Report) -> None:
-        if isinstance(report, Verdict):
-            tally.add(report)
-
     source = build_source(plan)
     source.open()
-    Run(assemble(plan, source, console=io.StringIO(), on_report=take)).execute()
+    Run(assemble(plan, source, console=io.StringIO(), on_report=tally.take)).execute()
     return answer(tally), tally

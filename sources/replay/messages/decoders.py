@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 from types import SimpleNamespace
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
@@ -19,9 +19,11 @@ from rosbags.typesys.store import Typestore
 from pipeline.errors import InputError
 from pipeline.frame import NS_PER_S
 from sources.replay.messages.container import Topic
-from sources.replay.messages.video import VideoDecoder
 from sources.replay.streams import Raw
 from sources.ros_images import decode, decode_compressed
+
+if TYPE_CHECKING:
+    from sources.replay.messages.video import VideoDecoder
 
 
 class Seen(NamedTuple):
@@ -60,7 +62,7 @@ def holds_pictures(topic: Topic) -> bool:
 def make_decoder(topic: Topic) -> Decoder:
     """The decoder of a topic for which `holds_pictures` is true; one for every pass over it."""
     parse = _parser(topic)
-    video = VideoDecoder() if topic.kind in VIDEO_KINDS else None
+    video = _video_decoder() if topic.kind in VIDEO_KINDS else None
 
     def decoder(data: bytes) -> Seen:
         try:
@@ -70,6 +72,12 @@ def make_decoder(topic: Topic) -> Decoder:
         return Seen(_stamp_ns(message), _sequence(message), _loader(topic.kind, message, video))
 
     return decoder
+
+
+def _video_decoder() -> VideoDecoder:
+    from sources.replay.messages.video import VideoDecoder  # noqa: PLC0415 - PyAV is slow to import, and rarely needed
+
+    return VideoDecoder()
 
 
 def _parser(topic: Topic) -> Callable[[bytes], Fields]:

@@ -16,8 +16,8 @@ from sources.replay.messages.container import Message, Topic, damage_refused, ma
 from sources.replay.notices import Notices
 
 MAGIC = b"\x89MCAP"
-LOOKED_THROUGH = 64
-"""Chunks of a file without an index that are searched for topics: recorders announce all of them early."""
+LOOKED_THROUGH = 6400
+"""Records of a file without an index that are searched for topics: recorders announce all of them early."""
 
 
 def is_mcap(path: Path) -> bool:
@@ -70,15 +70,13 @@ def _announced(file: BinaryIO) -> list[Topic]:
     """The topics that the first chunks hold."""
     schemas: dict[int, Schema] = {}
     topics: dict[str, Topic] = {}
-    told = 0
     try:
-        for record in StreamReader(file).records:
-            told += 1
+        for told, record in enumerate(StreamReader(file).records, 1):
             if isinstance(record, Schema):
                 schemas[record.id] = record
             elif isinstance(record, Channel):
                 topics.setdefault(record.topic, _topic(record, schemas.get(record.schema_id), None))
-            if told >= LOOKED_THROUGH * 100 and topics:
+            if told >= LOOKED_THROUGH and topics:
                 break
     except Exception:
         if not topics:
