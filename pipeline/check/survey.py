@@ -24,24 +24,21 @@ MOST_SUSPECTS = 4
 class Headed(Protocol):
     """What a source of recordings can do besides: tell its frames without their pictures.
 
-    `headers` gives every frame with a plain picture in place of its own. `began_ns` is the stamp at which a camera's
-    time in the recording starts.
+    `headers` gives every frame with a plain picture in place of its own, and when it is due, in ns from the start.
     """
 
     @property
     def stamp_origin(self) -> StampOrigin: ...
 
-    def headers(self) -> Iterator[Frame]: ...
-
-    def began_ns(self, camera: str) -> int: ...
+    def headers(self) -> Iterator[tuple[Frame, int]]: ...
 
 
 @dataclass(slots=True)
 class Survey:
     """What the headers of a recording say.
 
-    fps: the first camera's nominal rate in Hz. at_s: when each of its frames was taken, from the start. suspects_s:
-    where stamps say that cameras fall out of sync. cameras: how all did; empty where stamps are made up.
+    fps: the first camera's nominal rate in Hz. at_s: when each of its frames is due, from the start; never falls.
+    suspects_s: where stamps say that cameras fall out of sync. cameras: how all did; empty where stamps are made up.
     """
 
     fps: float
@@ -88,7 +85,6 @@ def by_headers(plan: Plan, source: Source, headed: Headed, console: TextIO) -> t
     """
     first = source.cameras[0]
     found = Survey(first.fps)
-    began_ns = headed.began_ns(first.name)
     steady: dict[str, Steady] = {}
 
     def take(report: Report) -> None:
@@ -99,13 +95,12 @@ def by_headers(plan: Plan, source: Source, headed: Headed, console: TextIO) -> t
         change = steady.setdefault(report.pair, Steady()).add(report)
         if change is None or change.state is not State.ASYNC or len(found.suspects_s) >= MOST_SUSPECTS:
             return
-        at_ns = change.first.captured_ns.get(first.name)
-        if at_ns is not None:
-            found.suspects_s.append((at_ns - began_ns) / NS_PER_S)
+        if change.first.frame is not None and found.at_s:
+            found.suspects_s.append(found.at_s[min(change.first.frame, len(found.at_s) - 1)])
 
-    def note(frame: Frame) -> None:
+    def note(frame: Frame, at_ns: int) -> None:
         if frame.camera == first.name:
-            found.at_s.append((frame.captured_ns - began_ns) / NS_PER_S)
+            found.at_s.append(max(at_ns / NS_PER_S, found.duration_s))
 
     parts = assemble(plan, _HeadersOnly(source, headed, note), console=console, on_report=take)
     detectors = {name: parts.detectors[name] for name in parts.detectors if name == "timestamp"}
@@ -118,7 +113,7 @@ class _HeadersOnly:
 
     live = False
 
-    def __init__(self, source: Source, headed: Headed, note: Callable[[Frame], None]) -> None:
+    def __init__(self, source: Source, headed: Headed, note: Callable[[Frame, int], None]) -> None:
         self._source = source
         self._headed = headed
         self._note = note
@@ -140,8 +135,8 @@ class _HeadersOnly:
         self._source.open()
 
     def frames(self) -> Iterator[Frame]:
-        for frame in self._headed.headers():
-            self._note(frame)
+        for frame, at_ns in self._headed.headers():
+            self._note(frame, at_ns)
             yield frame
 
     def stop(self) -> None:

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from pipeline.errors import InputError
 from pipeline.frame import NS_PER_S, StampOrigin
 from sources.replay import files
+from sources.replay.mcap_reader import McapReader
 from sources.replay.messages.container import damage_refused
 from sources.replay.messages.mcap_file import is_mcap
 from sources.replay.names import camera_names
@@ -57,25 +57,20 @@ def _metadata(video: Path) -> Path | None:
 def _stamps(video: Path, notices: Notices) -> list[Stamp]:
     """Device time where the device told it, else the host's, which marks the end of the exposure."""
     metadata = video.with_suffix(".mcap")
-    stamps: list[Stamp] = []
     with damage_refused(metadata):
-        try:
-            stamps.extend(_stamp(message) for message in _messages(metadata))
-        except Exception:
-            if not stamps:
-                raise
-            notices.warning(f"{metadata}: damaged or truncated after {len(stamps)} frames: the others are left out")
+        stamps = [_stamp(message) for message in _messages(metadata, notices)]
     if not stamps:
         raise InputError(f"{metadata}: no frames of the kind {SCHEMA} in it")
     return stamps
 
 
-def _messages(metadata: Path) -> Iterator[Any]:
-    with metadata.open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for schema, _, __, message in reader.iter_decoded_messages(log_time_order=False):
-            if schema is not None and schema.name == SCHEMA:
-                yield message
+def _messages(metadata: Path, notices: Notices) -> Iterator[Any]:
+    reader, decoders = McapReader(metadata, notices), DecoderFactory()
+    topics = {channel.topic for channel in reader.announced()}
+    for _, schema, message in reader.messages(topics):
+        decode = decoders.decoder_for("protobuf", schema) if schema is not None and schema.name == SCHEMA else None
+        if decode is not None:
+            yield decode(message.data)
 
 
 def _stamp(message: Any) -> Stamp:

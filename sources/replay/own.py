@@ -15,7 +15,7 @@ from pipeline.errors import InputError
 from pipeline.frame import StampOrigin
 from pipeline.mcap.frames import frame_fields, picture_of
 from pipeline.mcap.schemas import RECORDING_METADATA, frame_topic, image_topic
-from sources.replay.own_file import Logged, OwnFile, metadata_of
+from sources.replay.mcap_reader import Logged, McapReader, metadata_of
 from sources.replay.streams import Entry, Raw, Recording, Request, Stream, Told
 
 MOST_WAITING = 16
@@ -45,10 +45,8 @@ def read(request: Request) -> Recording:
         raise InputError(f"{path}: a recording of syncwatch has cameras: topics and stamps go with format: mcap only")
     told = metadata_of(path, RECORDING_METADATA) or {}
     cameras = _described(told)
-    file = OwnFile(path, request.notices)
+    file = McapReader(path, request.notices)
     counts = file.counts()
-    if counts is None:
-        request.notices.warning(f"{path} was never finished: it is read up to its last whole piece")
     began_ns = next((logged.message.log_time for logged in file.messages(_topics(cameras))), 0)
     names = _names(path, cameras, request.settings.cameras)
     streams = []
@@ -137,7 +135,7 @@ class _Halves:
         return None
 
 
-def _entries(file: OwnFile, camera: str, began_ns: int, pair_by: str) -> Generator[Entry, None, None]:
+def _entries(file: McapReader, camera: str, began_ns: int, pair_by: str) -> Generator[Entry, None, None]:
     of_pictures, of_frames = image_topic(camera), frame_topic(camera)
     halves = _Halves()
     numbers = count()
@@ -157,7 +155,7 @@ def _entries(file: OwnFile, camera: str, began_ns: int, pair_by: str) -> Generat
             group=groups[pair_by],
             captured_ns=fields["captured_ns"],
             where=where,
-            load=partial(_picture, picture.schema, picture.message.data, where),
+            load=partial(_picture, picture, where),
             arrived_ns=fields["arrived_ns"],
             exposure_ns=fields["exposure_ns"],
             told=Told(
@@ -171,8 +169,8 @@ def _entries(file: OwnFile, camera: str, began_ns: int, pair_by: str) -> Generat
         )
 
 
-def _picture(schema: str, data: bytes, where: str) -> Raw:
+def _picture(logged: Logged, where: str) -> Raw:
     try:
-        return picture_of(schema, data)
+        return picture_of("" if logged.schema is None else logged.schema.name, logged.message.data)
     except ValueError as error:
         raise InputError(f"{where}: the picture cannot be read: {error}") from error

@@ -36,11 +36,11 @@ class Round:
     def is_empty(self) -> bool:
         return not self._extents
 
-    def saw(self, stream: Stream, entry: Entry) -> None:
+    def saw(self, stream: Stream, entry: Entry, at_ns: int) -> None:
         self._take("sequence", entry.sequence or 0)
         self._take("group", entry.group or 0)
         self._take("ns", entry.captured_ns - stream.origin_ns)
-        self._take("ns", stream.at_ns(entry))
+        self._take("ns", at_ns)
         self._take("epoch", entry.told.epoch)
 
     def following(self, period_ns: int) -> Round:

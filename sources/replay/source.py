@@ -90,27 +90,29 @@ class ReplaySource:
     def stamp_origin(self) -> StampOrigin:
         return self._opened.stamp_origin
 
-    def began_ns(self, camera: str) -> int:
-        """The stamp at which a camera's time in the part that is replayed starts."""
-        origin_ns = next(stream.origin_ns for stream in self._streams if stream.name == camera)
-        return origin_ns + max(self._from_ns, 0)
-
     def frames(self) -> Iterator[Frame]:
-        yield from self._replayed(self._streams, self._picture)
+        for frame, _ in self._replayed(self._streams, self._picture):
+            yield frame
 
-    def headers(self) -> Iterator[Frame]:
-        """Every frame, with a plain grey picture in place of its own, which is not decoded."""
-        yield from self._replayed([stream.without_pictures for stream in self._streams], lambda _, __: PLAIN)
+    def headers(self) -> Iterator[tuple[Frame, int]]:
+        """Every frame with when it is due, in ns from the start of what is replayed.
 
-    def _replayed(self, streams: Sequence[Stream], picture: Callable[[Stream, Entry], Picture]) -> Iterator[Frame]:
+        Frames have a plain grey picture in place of their own, which is not decoded.
+        """
+        start_ns = max(self._from_ns, 0)
+        for frame, at_ns in self._replayed([one.without_pictures for one in self._streams], lambda _, __: PLAIN):
+            yield frame, at_ns - start_ns
+
+    def _replayed(
+        self, streams: Sequence[Stream], picture: Callable[[Stream, Entry], Picture]
+    ) -> Iterator[tuple[Frame, int]]:
         round_ = Round()
         while True:
             merge = self._merge = Merge(streams)
             with closing(merge.entries()) as entries:
-                for stream, entry in entries:
+                for stream, entry, at_ns in entries:
                     if self._stopped.is_set():
                         return
-                    at_ns = stream.at_ns(entry)
                     if at_ns < self._from_ns:
                         continue
                     if at_ns >= self._to_ns:
@@ -118,8 +120,8 @@ class ReplaySource:
                     image = picture(stream, entry)
                     if self._stops_before(round_.shift_ns + at_ns):
                         return
-                    round_.saw(stream, entry)
-                    yield self._frame(self._opened, stream, entry, image, round_)
+                    round_.saw(stream, entry, at_ns)
+                    yield self._frame(self._opened, stream, entry, image, round_), at_ns
             if (said := merge.said()) is not None:
                 self._notices.warning(said)
             if not self._settings.loop or round_.is_empty:

@@ -81,12 +81,8 @@ class Stream:
         return round(NS_PER_S / self.fps)
 
     def at_ns(self, entry: Entry) -> int:
-        """When `entry` is due, comparable over the streams of a recording."""
+        """When `entry` is due, comparable over the streams of a recording as long as no clock is set."""
         return entry.captured_ns - self.origin_ns if entry.at_ns is None else entry.at_ns
-
-    def place(self, entry: Entry) -> int:
-        """Where `entry` stands in the recording, comparable over its streams."""
-        return entry.group if entry.group is not None and entry.at_ns is None else self.at_ns(entry)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +131,6 @@ def origins_ns(stamps_ns: Sequence[Sequence[int]], notices: Notices) -> list[int
     """When each stream starts on its clock: together if the stamps overlap, else each with its own first frame."""
     firsts, lasts = [min(stamps) for stamps in stamps_ns], [max(stamps) for stamps in stamps_ns]
     if max(firsts) - min(lasts) <= SAME_EPOCH_NS:
-        return [min(firsts)] * len(firsts)
+        return [min(stamps[0] for stamps in stamps_ns)] * len(firsts)
     notices.warning("the cameras' timestamps do not overlap: each camera's time is counted from its own first frame")
-    return firsts
+    return [stamps[0] for stamps in stamps_ns]

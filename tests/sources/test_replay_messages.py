@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import re
 
 import numpy as np
 import pytest
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
-from mcap.writer import Writer
+from mcap.reader import make_reader
+from mcap.writer import IndexType, Writer
 from mcap_protobuf.writer import Writer as ProtobufWriter
 
 from pipeline.errors import InputError
@@ -66,8 +68,48 @@ def test_what_is_there_of_a_truncated_recording_is_read(tmp_path, small, kind, s
     frames = replayed(cut)
     assert 0 < len(frames) < 120
     assert [one.captured_ns for one in frames] == [EPOCH_NS + one.captured_ns for one in in_order(small)][: len(frames)]
-    assert re.search("has no index|not indexed", caplog.text)
-    assert "damaged or truncated" in caplog.text
+    assert re.search("has no end|not indexed", caplog.text)
+    assert kind == "mcap" or "damaged or truncated" in caplog.text
+
+
+def test_damage_in_the_middle_of_an_mcap_is_a_gap_that_is_said(tmp_path, small, caplog):
+    """The first pieces too, which tell of topics, and a length that leads astray."""
+    path = write_foxglove(tmp_path / "drive.mcap", in_order(small), chunk_size=40_000)
+    whole = path.read_bytes()
+    chunks = [index.chunk_start_offset for index in make_reader(io.BytesIO(whole)).get_summary().chunk_indexes]
+    for at, bad in ((chunks[0] + 500, bytes(100)), (chunks[4] + 500, bytes(100)), (chunks[4] + 1, b"\xff" * 8)):
+        caplog.clear()
+        path.write_bytes(whole[:at] + bad + whole[at + len(bad) :])
+        frames = replayed(path)
+        assert 100 < len(frames) < 120
+        assert frames[-1].captured_ns == EPOCH_NS + 59 * PERIOD_NS
+        assert caplog.text.count(f"{path}: damaged at byte ") == 1
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"index_types": IndexType.NONE},
+        {"use_chunking": False},
+        {"repeat_channels": False, "repeat_schemas": False},
+        {"use_statistics": False, "use_summary_offsets": False},
+    ],
+    ids=lambda options: next(iter(options)),
+)
+def test_an_mcap_whose_end_tells_less_is_read_alike_and_nothing_is_wrong_with_it(tmp_path, small, options, caplog):
+    path = tmp_path / "drive.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, **options)
+        writer.start()
+        schema = writer.register_schema("foxglove.RawImage", "protobuf", b"")
+        channels = {side: writer.register_channel(f"/{side}/image", "protobuf", schema) for side in small}
+        for one in in_order(small):
+            data = RawImage(width=80, height=60, encoding="mono8", step=80, data=one.image.tobytes())
+            data.timestamp.nanos = 1 + one.captured_ns // 10
+            writer.add_message(channels[one.camera], one.captured_ns, data.SerializeToString(), one.captured_ns)
+        writer.finish()
+    assert len(replayed(path)) == 120
+    assert not caplog.records
 
 
 @pytest.mark.parametrize("kind", ["rosbag1", "rosbag1_lz4"])

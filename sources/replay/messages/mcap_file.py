@@ -1,23 +1,18 @@
-"""MCAP files by the mcap library: with an index, without one, truncated, and split over several files."""
+"""MCAP files of others as containers of messages by topic: with an index, without one, and truncated."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
-from functools import partial
+from collections.abc import Generator, Sequence
 from pathlib import Path
-from typing import BinaryIO
 
-from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader, SeekingReader
 from mcap.records import Channel, Schema
-from mcap.stream_reader import StreamReader
 
-from sources.replay.messages.container import Message, Topic, damage_refused, magic, until_damaged
+from pipeline.errors import InputError
+from sources.replay.mcap_reader import McapReader
+from sources.replay.messages.container import Message, Topic, magic
 from sources.replay.notices import Notices
 
 MAGIC = b"\x89MCAP"
-LOOKED_THROUGH = 6400
-"""Records of a file without an index that are searched for topics: recorders announce all of them early."""
 
 
 def is_mcap(path: Path) -> bool:
@@ -25,63 +20,28 @@ def is_mcap(path: Path) -> bool:
 
 
 class McapFile:
-    """One MCAP file. Raises InputError where it is no MCAP, or nothing of it can be read."""
+    """One MCAP file. Raises InputError where nothing of it can be read."""
 
     def __init__(self, path: Path, notices: Notices) -> None:
         self.where = path
-        self._notices = notices
-        with damage_refused(path), path.open("rb") as file:
-            self.indexed, self._topics = _topics(file)
-        if not self.indexed:
-            notices.warning(f"{path}: has no index, as after a recorder that was killed: read from the start")
+        self._file = McapReader(path, notices)
+        counts = self._file.counts()
+        announced = {channel.topic: channel for channel in self._file.announced()}
+        if not announced:
+            raise InputError(f"{path}: damaged or no recording: there is no topic in it")
+        self._topics = [
+            _topic(channel, self._file.schemas.get(channel.schema_id), None if counts is None else counts[name])
+            for name, channel in announced.items()
+        ]
 
     @property
     def topics(self) -> Sequence[Topic]:
         return self._topics
 
     def messages(self, topic: str, from_ns: int | None = None) -> Generator[Message, None, None]:
-        yield from until_damaged(self.where, self._notices, partial(self._read, topic, from_ns))
-
-    def _read(self, topic: str, from_ns: int | None) -> Iterator[Message]:
-        with self.where.open("rb") as file:
-            reader = SeekingReader(file) if self.indexed else NonSeekingReader(file)
-            found = reader.iter_messages(topics=[topic], log_time_order=False, starting_at=from_ns)
-            for _, __, message in found:
-                yield Message(message.log_time, message.sequence, message.data)
-
-
-def _topics(file: BinaryIO) -> tuple[bool, list[Topic]]:
-    """Whether the file has an index, and its topics."""
-    try:
-        summary = SeekingReader(file).get_summary()
-    except (McapError, ValueError, OSError):
-        summary = None
-    if summary is None or not summary.chunk_indexes:
-        file.seek(0)
-        return False, _announced(file)
-    counts = summary.statistics.channel_message_counts if summary.statistics is not None else {}
-    return True, [
-        _topic(channel, summary.schemas.get(channel.schema_id), counts.get(channel.id))
-        for channel in summary.channels.values()
-    ]
-
-
-def _announced(file: BinaryIO) -> list[Topic]:
-    """The topics that the first chunks hold."""
-    schemas: dict[int, Schema] = {}
-    topics: dict[str, Topic] = {}
-    try:
-        for told, record in enumerate(StreamReader(file).records, 1):
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                topics.setdefault(record.topic, _topic(record, schemas.get(record.schema_id), None))
-            if told >= LOOKED_THROUGH and topics:
-                break
-    except Exception:
-        if not topics:
-            raise
-    return list(topics.values())
+        for logged in self._file.messages({topic}, from_ns):
+            message = logged.message
+            yield Message(message.log_time, message.sequence, message.data)
 
 
 def _topic(channel: Channel, schema: Schema | None, count: int | None) -> Topic:
