@@ -19,6 +19,10 @@ STRAY = 0.05
 """Where more than this share of the other frames is out of sync as well, what lasts may be chance."""
 
 
+OF_PART = " This is of the part that could be read."
+"""What is added to an answer about a recording that could not be read to its end."""
+
+
 @dataclass(frozen=True, slots=True)
 class Answer:
     """What is said of a recording, and the sentences that say why. pairs: the same of each of its pairs."""

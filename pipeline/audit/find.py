@@ -93,7 +93,10 @@ def _look(place: _Place) -> tuple[Found | None, list[_Place]]:
     name = _format(path)
     if name is not None and not _is_archive(path, name):
         return Found(path, name), []
-    lone = None if place.told or name is not None else _lone_camera(path)
+    try:
+        lone = None if place.told or name is not None else _lone_camera(path)
+    except InputError as error:  # a video that is none; what lies beside and below may be one
+        return Found(path, None, str(error)), [_Place(one, told=True) for one in _visible(path)]
     if lone is None:
         return None, [_Place(one, place.told) for one in _visible(path)]
     below = [_Place(one, lone.below) for one in _visible(path) if one != lone.video]

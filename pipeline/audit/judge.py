@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from pipeline.answer import answer
+from pipeline.answer import OF_PART, answer
 from pipeline.assemble import assemble, build_rig, build_source
 from pipeline.audit.segments import Segments
 from pipeline.audit.task import MakePlan, Task
@@ -23,7 +23,6 @@ from pipeline.tally import Tally
 from pipeline.verdict import Reason, Report, State, Verdict
 
 MOST_WARNINGS = 20
-PART = " This is of the part that could be read."
 
 
 def judge(task: Task, make_plan: MakePlan, path: str | None = None) -> AuditShape:
@@ -101,7 +100,7 @@ class _Heard:
                 for name, one in pairs.items()
             },
             "segments": segments,
-            "answer": result.text + (PART if broken else ""),
+            "answer": result.text + (OF_PART if broken else ""),
         }
 
 

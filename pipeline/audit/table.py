@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import TextIO
@@ -19,6 +20,9 @@ from pipeline.words import REASON_WORDS
 SAID = {State.SYNC: "in sync", State.ASYNC: "OUT OF SYNC", State.UNKNOWN: "cannot tell"}
 COLOUR = {State.SYNC: "green", State.ASYNC: "bold red", State.UNKNOWN: "yellow"}
 BROKEN, NOT_JUDGED = "broken", "not judged"
+DAMAGE = re.compile(r": damaged | has no end|not indexed| ends after ")
+"""Warnings that a recording was not read to its end."""
+
 HEADER = ("path", "pair", "start_s", "stop_s", "first_frame", "last_frame", "state", "cause", "offset_ms")
 
 
@@ -78,6 +82,9 @@ def printable(text: str) -> str:
 def _why(record: AuditShape) -> str:
     if record.error is not None:
         return record.error.removeprefix(f"{record.path}: ")
+    damage = next((warning for warning in record.warnings if DAMAGE.search(warning)), None)
+    if damage is not None:
+        return damage.removeprefix(record.path).lstrip(": ")
     return REASON_WORDS[record.reason] if record.reason is not None and record.state is State.UNKNOWN else ""
 
 

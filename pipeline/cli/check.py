@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from pipeline.answer import Answer, answer
+from pipeline.answer import OF_PART, Answer, answer
 from pipeline.check.sampled import Look, sample
 from pipeline.check.stretches import STRETCH_FRAMES, Stretch, is_short, stretches
 from pipeline.check.survey import Headed, Survey, by_headers, by_length
@@ -64,7 +64,11 @@ def check(
     stop_after_s = None if duration is None else seconds(duration)
     whole = everything or is_config(path) or stop_after_s is not None
     with said_once():
-        status = None if whole else _check_parts(asked, plan)
+        try:
+            status = None if whole else _check_parts(asked, plan)
+        except InputError as error:
+            log.debug("all of it is looked at, as far as it can be read", exc_info=error)
+            status = None
         return _check_all(plan, stop_after_s) if status is None else status
 
 
@@ -74,7 +78,7 @@ def _check_all(plan: Plan, stop_after_s: float | None) -> int:
         interrupted = execute(plan, on_report=tally.take, stop_after_s=stop_after_s)
     except InputError:
         if tally.pairs:
-            _say(plan, answer(tally), " This is of the part that could be read.")
+            _say(plan, answer(tally), OF_PART)
         raise
     status = _say(plan, answer(tally))
     return interrupted or status

@@ -123,7 +123,7 @@ def recording_plan(
 
 def rig_name(path: str) -> str:
     """A recording's name as a rig: what its folder or file is called."""
-    return re.sub(r"[^A-Za-z0-9_.]+", "_", _name_of(Path(path).resolve())) or "recording"
+    return re.sub(r"[^A-Za-z0-9_.]+", "_", _name_of(Path(os.path.realpath(path)))) or "recording"
 
 
 def _name_of(path: Path) -> str:

@@ -70,7 +70,7 @@ def _check(taken: Path, made: Path, *, force: bool) -> None:
     if not made.parent.is_dir():
         raise InputError(f"{made}: cannot be written: there is no folder {made.parent}")
     inside = taken.is_dir() and taken.resolve() in made.resolve().parents
-    if inside or (made.exists() and made.samefile(taken)):
+    if inside or any(one.exists() and one.samefile(taken) for one in (made, _unfinished(made))):
         raise InputError(f"{made}: lies in the recording that is read, which is never changed: name another file")
     if made.exists() and not force:
         raise InputError(f"{made}: exists already: name another file, or give --force")
@@ -95,10 +95,14 @@ def _opened(plan: Plan) -> Iterator[Source]:
         source.close()
 
 
+def _unfinished(made: Path) -> Path:
+    return made.with_name(f"{made.name}.part")
+
+
 @contextmanager
 def _replaced(made: Path) -> Iterator[Path]:
     """A file that takes its name only when it is complete, and is removed otherwise."""
-    unfinished = made.with_name(f"{made.name}.part")
+    unfinished = _unfinished(made)
     try:
         yield unfinished
         unfinished.replace(made)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import click
 
-from pipeline.answer import Answer, answer
+from pipeline.answer import OF_PART, Answer, answer
 from pipeline.assemble import version
-from pipeline.cli.common import execute, seconds, set_option
+from pipeline.cli.common import DONE, execute, seconds, set_option
 from pipeline.cli.output import output_file, write_output
 from pipeline.cli.recording import RecordingOptions, plan_of, recording_options
 from pipeline.errors import InputError
@@ -38,7 +39,8 @@ def report(
 ) -> int:
     """Write a page about the recording, or the rig of the configuration, at PATH: what is wrong, and what to do.
 
-    The page is one file that needs nothing else. Exit status 0: it was written, whatever it says.
+    The page is one file that needs nothing else. Exit status 0: it was written, whatever it says. 2: the recording
+    cannot be read, or not to its end; the page is then of the part before.
     """
     page_file = output_file(OUTPUT, output, path)
     numbers_file = None if json_file in {None, "-"} else output_file(JSON, str(json_file), path)
@@ -52,19 +54,31 @@ def report(
         made.append(Recorder(rig))
         return made[0]
 
-    interrupted = execute(plan, watch=record, stop_after_s=stop_after_s)
+    refused: InputError | None = None
+    interrupted = DONE
+    try:
+        interrupted = execute(plan, watch=record, stop_after_s=stop_after_s)
+    except InputError as error:
+        if not made or not made[0].tally.pairs:
+            raise
+        refused = error
     result = answer(made[0].tally)
-    numbers = json.dumps(to_message(made[0], result, version()), allow_nan=False, indent=1) + "\n"
-    write_output(OUTPUT, page_file, _page(made[0], result, path))
+    if refused is not None:
+        result = replace(result, text=result.text + OF_PART)
+    unread = None if refused is None else str(refused)
+    numbers = json.dumps(to_message(made[0], result, version(), unread), allow_nan=False, indent=1) + "\n"
+    write_output(OUTPUT, page_file, _page(made[0], result, path, unread))
     if numbers_file is not None:
         write_output(JSON, numbers_file, numbers)
     if json_file == "-":
         click.echo(numbers, nl=False)
     click.echo(f"{plan.config.rig}: {result.text}\nThe report is in {page_file}", err=json_file == "-")
+    if refused is not None:
+        raise refused
     return interrupted
 
 
-def _page(recorder: Recorder, result: Answer, path: tuple[str, ...]) -> str:
+def _page(recorder: Recorder, result: Answer, path: tuple[str, ...], unread: str | None) -> str:
     from pipeline.report.page import report_page  # noqa: PLC0415 - drawing takes a second to import, which others save
 
-    return report_page(recorder, result, version(), path)
+    return report_page(recorder, result, version(), path, unread)

@@ -4,6 +4,7 @@
 
 - `schema`, `version` (of syncwatch), `rig`
 - `state`: `sync`, `async` or `unknown` over all pairs; `text`: the paragraph of `syncwatch check`; `advice`: what to do
+- `unread`: why the recording could not be read to its end, null where it could
 - `dropped_windows`: frames that were not judged because detection was too slow, on live rigs only
 - `cameras`, by name: what `syncwatch.status.v1` says of a camera at the end (`fps`, `expected_fps`, `frames`, `drops`,
   `unpaired`, `duplicates`, `restarts`, `jitter_p50_ms`, `jitter_p99_ms`, `conditions`), and `width`, `height` (px),
@@ -51,13 +52,14 @@ REPORT_SCHEMA = "syncwatch.report.v1"
 NOT_SEEN = Answer(State.UNKNOWN, "No two frames came together.")
 
 
-def to_message(recorder: Recorder, answer: Answer, version: str) -> Message:
+def to_message(recorder: Recorder, answer: Answer, version: str, unread: str | None = None) -> Message:
     return {
         "schema": REPORT_SCHEMA,
         "version": version,
         "rig": recorder.rig.name,
         "state": answer.state.value,
         "text": answer.text,
+        "unread": unread,
         "advice": advice(recorder, answer),
         "dropped_windows": recorder.dropped_windows,
         "cameras": {name: _camera(record) for name, record in recorder.cameras.items()},

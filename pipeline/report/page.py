@@ -50,14 +50,17 @@ SEEN_DRIFT = 3.0
 """Standard errors from which a drift is told as one."""
 
 
-def report_page(recorder: Recorder, answer: Answer, version: str, paths: Sequence[str]) -> str:
-    """The whole page. paths: what was asked about, as it was given."""
-    numbers = to_message(recorder, answer, version)
+def report_page(
+    recorder: Recorder, answer: Answer, version: str, paths: Sequence[str], unread: str | None = None
+) -> str:
+    """The whole page. paths: what was asked about, as it was given. unread: why not all of it could be read."""
+    numbers = to_message(recorder, answer, version, unread)
     several = len(recorder.pairs) > 1
     body = (
         f"<h1>{escape(recorder.rig.name)}</h1>"
         f'<p class="verdict {KIND[answer.state]}">{HEADLINE[answer.state]}</p>'
         f'<div class="told">{_told(numbers, several=several)}</div>'
+        f"{'' if unread is None else f'<p>The recording could be read in part only: {escape(unread)}.</p>'}"
         f'<div class="do"><b>What to do</b>{_list(numbers["advice"])}</div>'
         f"{_overview(numbers) if several else ''}"
         f"{''.join(_pair(record, numbers['pairs'][name]) for name, record in recorder.pairs.items())}"

@@ -17,6 +17,8 @@ EXPECTED = (
     "caliscope or depthai recording, two or more folders of pictures, two or more videos, or one with both views"
 )
 
+MOST_NAMED = 5
+
 
 @dataclass(frozen=True, slots=True)
 class Format:
@@ -94,6 +96,11 @@ def _not_a_recording(path: Path) -> InputError:
             )
     if files.is_picture(path):
         return InputError(f"{path}: a single picture: {EXPECTED}")
+    if path.is_file() and path.stat().st_size == 0:
+        return InputError(f"{path} is empty (0 bytes): {EXPECTED}")
+    inside = [one.name for one in sorted(path.iterdir()) if messages.is_container(one)] if path.is_dir() else []
+    if inside:
+        return InputError(f"{path}: a folder with {', '.join(inside[:MOST_NAMED])} in it: name the file that is meant")
     return InputError(f"{path}: no recording that is known: {EXPECTED}")
 
 

@@ -44,10 +44,12 @@ def matches(paths: Sequence[Path]) -> bool:
 
 
 def lone_camera(path: Path) -> str | None:
-    if files.is_video(path):
-        return f"video '{path.name}'"
-    found = files.videos(path) if path.is_dir() else []
-    return f"video '{found[0].name}'" if len(found) == 1 else None
+    """Raises InputError for a file that is called a video and is none."""
+    found = [path] if files.is_video(path) else files.videos(path) if path.is_dir() else []
+    if len(found) != 1:
+        return None
+    opened(found[0]).release()
+    return f"video '{found[0].name}'"
 
 
 def read(request: Request) -> Recording:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -142,6 +143,28 @@ def one_video_in_a_folder(root: Path) -> Path:
 
 def one_video(root: Path) -> Path:
     return write_video(root / "left.avi")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("left.mp4", "left.mp4: cannot be opened as a video: it is damaged, empty or of an unknown kind"),
+        ("drive.mcap", "drive.mcap is empty (0 bytes): expected an MCAP file"),
+        ("drive.bag", "drive.bag is empty (0 bytes): expected an MCAP file"),
+    ],
+)
+def test_a_file_that_is_not_what_its_name_says_is_told(tmp_path, name, said):
+    (tmp_path / name).touch()
+    with pytest.raises(InputError, match=re.escape(f"{tmp_path}/{said}")):
+        opened(tmp_path / name)
+
+
+def test_a_folder_around_a_container_asks_for_the_file(tmp_path):
+    for name in ("noon.mcap", "night.mcap"):
+        (tmp_path / name).write_bytes(b"\x89MCAP0\r\n" + bytes(100))
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(InputError, match=r"a folder with night\.mcap, noon\.mcap in it: name the file that is meant"):
+        opened(tmp_path)
 
 
 @pytest.mark.parametrize(

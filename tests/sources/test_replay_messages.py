@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -112,6 +113,18 @@ def test_an_mcap_whose_end_tells_less_is_read_alike_and_nothing_is_wrong_with_it
     assert not caplog.records
 
 
+@pytest.mark.parametrize("whole_folder", [True, False])
+def test_what_is_there_of_a_truncated_db3_is_read(tmp_path, small, whole_folder, caplog):
+    folder = formats.rosbag2(tmp_path / "bag", small)
+    (file,) = folder.glob("*.db3")
+    data = file.read_bytes()
+    file.write_bytes(data[: int(0.6 * len(data))])
+    frames = replayed(folder if whole_folder else file)
+    assert 50 < len(frames) < 110
+    assert [one.captured_ns for one in frames] == [EPOCH_NS + one.captured_ns for one in in_order(small)][: len(frames)]
+    assert f"{file}: damaged or truncated" in caplog.text
+
+
 @pytest.mark.parametrize("kind", ["rosbag1", "rosbag1_lz4"])
 def test_a_bag_cut_off_after_its_chunks_is_read(tmp_path, small, kind, caplog):
     whole = KILLED[kind](tmp_path / "whole", small)
@@ -157,6 +170,23 @@ def test_a_topic_that_does_not_exist_is_refused_with_those_that_do(tmp_path, sma
     path = formats.rosbag1(tmp_path / "bag", small)
     with pytest.raises(InputError, match=r"no topic '/cam7/image_raw' with pictures: there is /cam0/image_raw, /cam1/"):
         opened(path, topics={"left": "/cam0/image_raw", "right": "/cam7/image_raw"})
+
+
+def test_a_topic_of_another_kind_is_refused_with_what_it_holds(tmp_path):
+    there = [*topics("/left/image", "/right/image"), Topic("/imu", "sensor_msgs/msg/Imu", "cdr", 10)]
+    with pytest.raises(InputError, match=r"'/imu' holds no pictures but sensor_msgs/msg/Imu: there is /left/image, "):
+        choose(tmp_path, there, ["/left/image", "/imu"], None, Notices())
+
+
+def test_topics_may_have_names_without_a_slash(tmp_path):
+    named = choose(tmp_path, topics("cam0", "cam1"), {"left": "cam0", "right": "/cam1"}, None, Notices())
+    assert [topic.name for topic in named.topics.values()] == ["cam0", "cam1"]
+
+
+def test_topics_without_a_message_are_called_empty(tmp_path):
+    empty = [replace(topic, count=0) for topic in topics("/left/image", "/right/image")]
+    with pytest.raises(InputError, match="not one picture in it: /left/image, /right/image are empty"):
+        choose(tmp_path, empty, None, None, Notices())
 
 
 def test_topics_name_their_cameras(tmp_path, small):
@@ -225,6 +255,20 @@ def test_stamps_that_go_backwards_are_delivered_as_they_are(tmp_path, small):
     right = [one.captured_ns for one in frames if one.camera == "right"]
     assert right[31] < right[30]
     assert len(frames) == 120
+
+
+@pytest.mark.parametrize("by_s", [-3600, -2, 10**8])
+@pytest.mark.parametrize("sides", [("left", "right"), ("right",)])
+def test_cameras_stay_side_by_side_when_a_clock_is_set(tmp_path, small, by_s, sides):
+    def set_clock(one):
+        return EPOCH_NS + one.captured_ns + (by_s * NS_PER_S if one.camera in sides and one.sequence > 30 else 0)
+
+    frames = replayed(write_foxglove(tmp_path / "drive.mcap", in_order(small), stamp_ns=set_clock))
+    assert len(frames) == 120
+    seen = dict.fromkeys(small, 0)
+    for one in frames:
+        seen[one.camera] += 1
+        assert abs(seen["left"] - seen["right"]) <= 2
 
 
 def test_mixed_sizes_end_it_with_the_message_named(tmp_path, small):

@@ -82,16 +82,12 @@ def until_damaged(
     path: Path, notices: Notices, messages: Callable[[], Iterator[Message]]
 ) -> Generator[Message, None, None]:
     """The messages of a container as far as it can be read; where it cannot, that is said and they end."""
-    count = 0
     try:
-        for message in messages():
-            yield message
-            count += 1
+        yield from messages()
     except InputError:
         raise
     except Exception as error:
-        left = f"judged up to there, {count} messages a topic" if count else "nothing in it can be judged"
-        notices.warning(f"{path}: damaged or truncated ({_told(error)}): {left}")
+        notices.warning(f"{path}: damaged or truncated ({_told(error)}): it is read up to there")
 
 
 def _told(error: Exception) -> str:

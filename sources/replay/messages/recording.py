@@ -11,7 +11,7 @@ from pathlib import Path
 from pipeline.errors import InputError
 from pipeline.frame import NS_PER_S, StampOrigin
 from sources.replay.messages.container import Container, Topic
-from sources.replay.messages.decoders import holds_pictures, make_decoder
+from sources.replay.messages.decoders import make_decoder
 from sources.replay.messages.mcap_file import McapFile, is_mcap
 from sources.replay.messages.rosbag1 import Rosbag1, is_bag
 from sources.replay.messages.rosbag2 import Split, is_db3, is_folder, open_file, open_folder
@@ -38,6 +38,11 @@ def is_messages_in_mcap(paths: Sequence[Path]) -> bool:
     return all(is_mcap(path) for path in paths)
 
 
+def is_container(path: Path) -> bool:
+    """Whether it is a file of messages by topic."""
+    return is_mcap(path) or is_bag(path) or is_db3(path)
+
+
 def no_lone_camera(_: Path) -> str | None:
     """A container is recognised whatever it holds; what is missing in it is said when it is read."""
     return None
@@ -50,8 +55,7 @@ def read(request: Request) -> Recording:
         raise InputError(f"{request.paths[0]}: messages pair by time, not by {settings.pair_by}")
     parts = [_opened(path, request.notices) for path in request.paths]
     container = parts[0] if len(parts) == 1 else Split(request.paths[0], parts)
-    found = [topic for topic in container.topics if holds_pictures(topic)]
-    chosen = choose(container.where, found, settings.topics, settings.cameras, request.notices)
+    chosen = choose(container.where, container.topics, settings.topics, settings.cameras, request.notices)
     looks = {name: _look(container, topic) for name, topic in chosen.topics.items()}
     by_header = settings.stamps != "log" and all(look.has_stamps for look in looks.values())
     if not by_header and settings.stamps != "log":

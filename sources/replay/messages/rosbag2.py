@@ -12,6 +12,7 @@ from rosbags.rosbag2 import Reader
 
 from pipeline.errors import InputError
 from sources.replay.messages.container import Container, Message, Topic, damage_refused, magic, until_damaged
+from sources.replay.messages.db3_file import Db3File
 from sources.replay.messages.mcap_file import McapFile, is_mcap
 from sources.replay.names import natural_path
 from sources.replay.notices import Notices
@@ -51,14 +52,22 @@ def open_folder(path: Path, notices: Notices) -> Container:
         try:
             return Rosbag2(path, notices)
         except InputError as error:
+            parts = parts or sorted((one for one in path.iterdir() if is_db3(one) or is_mcap(one)), key=natural_path)
             if not parts:
                 raise
-            notices.warning(f"{error}: its {len(parts)} files are read one by one")
+            notices.warning(f"{error}: {', '.join(part.name for part in parts)}: read without metadata.yaml")
     return Split(path, [open_file(part, notices) for part in parts])
 
 
 def open_file(path: Path, notices: Notices) -> Container:
-    return McapFile(path, notices) if is_mcap(path) else Rosbag2(path, notices)
+    if is_mcap(path):
+        return McapFile(path, notices)
+    try:
+        return Rosbag2(path, notices)
+    except InputError as refused:
+        with suppress(InputError):
+            return Db3File(path, notices)
+        raise refused from None
 
 
 class Rosbag2:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from sources.replay.messages.container import Topic
+from sources.replay.messages.decoders import holds_pictures
 from sources.replay.names import camera_names, natural
 from sources.replay.notices import Notices
 
@@ -35,14 +36,15 @@ class Chosen:
 
 def choose(
     where: Path,
-    found: Sequence[Topic],
+    there: Sequence[Topic],
     wanted: Mapping[str, str] | Sequence[str] | None,
     cameras: Sequence[str] | None,
     notices: Notices,
 ) -> Chosen:
-    """The cameras among the picture topics `found`. Raises InputError that lists what there is."""
+    """The cameras among the topics that are there. Raises InputError that lists those with pictures."""
     if wanted is not None:
-        return _named(where, found, wanted, cameras)
+        return _named(where, there, wanted, cameras)
+    found = [topic for topic in there if holds_pictures(topic)]
     groups = _groups(found)
     if not groups:
         raise InputError(f"{where}: {_too_few(found)}")
@@ -58,25 +60,26 @@ def choose(
 
 
 def _named(
-    where: Path, found: Sequence[Topic], wanted: Mapping[str, str] | Sequence[str], cameras: Sequence[str] | None
+    where: Path, there: Sequence[Topic], wanted: Mapping[str, str] | Sequence[str], cameras: Sequence[str] | None
 ) -> Chosen:
-    by_name = {topic.name: topic for topic in found}
-    for name in wanted.values() if isinstance(wanted, Mapping) else wanted:
-        if _slashed(name) not in by_name:
-            raise InputError(f"{where}: no topic '{name}' with pictures: {_listed(found)}")
-    if isinstance(wanted, Mapping):
-        topics = [by_name[_slashed(name)] for name in wanted.values()]
-        names = list(wanted)
-    else:
-        topics = [by_name[_slashed(name)] for name in wanted]
-        names = camera_names([_as_path(topic) for topic in topics], cameras)
-    if len({topic.name for topic in topics}) < 2 or len(topics) > len({topic.name for topic in topics}):
+    topics = [_called(name, where, there) for name in (wanted.values() if isinstance(wanted, Mapping) else wanted)]
+    names = (
+        list(wanted) if isinstance(wanted, Mapping) else camera_names([_as_path(topic) for topic in topics], cameras)
+    )
+    if len(topics) < 2 or len(topics) > len({topic.name for topic in topics}):
         raise InputError(f"{where}: two or more different topics are needed, one a camera")
     return Chosen(dict(zip(names, topics, strict=True)))
 
 
-def _slashed(name: str) -> str:
-    return name if name.startswith("/") else f"/{name}"
+def _called(name: str, where: Path, there: Sequence[Topic]) -> Topic:
+    """The picture topic of that name, with or without the slash before it. Raises InputError."""
+    topic = next((one for one in there if one.name.lstrip("/") == name.lstrip("/")), None)
+    if topic is not None and holds_pictures(topic):
+        return topic
+    listed = _listed([one for one in there if holds_pictures(one)])
+    if topic is None:
+        raise InputError(f"{where}: no topic '{name}' with pictures: {listed}")
+    raise InputError(f"{where}: topic '{name}' holds no pictures but {topic.kind or 'what has no schema'}: {listed}")
 
 
 def _groups(found: Sequence[Topic]) -> list[list[Topic]]:
@@ -117,6 +120,8 @@ def _as_path(topic: Topic) -> Path:
 def _too_few(found: Sequence[Topic]) -> str:
     if not found:
         return "no topic with pictures: expected sensor_msgs Image or CompressedImage, or Foxglove's, two or more"
+    if all(topic.count == 0 for topic in found):
+        return f"not one picture in it: {', '.join(topic.name for topic in found)} are empty"
     return f"one camera only: two or more topics with pictures are needed; {_listed(found)}"
 
 

@@ -107,6 +107,15 @@ def test_containers_that_are_empty_are_told(tmp_path):
     }
 
 
+def test_a_video_that_is_none_is_told_and_what_lies_below_is_found(tmp_path):
+    write_folders(tmp_path / "day" / "rig", 12)
+    (tmp_path / "day" / "left.mp4").write_text("hello")
+    told = found(tmp_path)
+    assert told["day/rig"] == "folders"
+    assert "cannot be opened as a video" in told["day"]
+    assert len(told) == 2
+
+
 def test_special_files_are_left_alone(tmp_path):
     os.mkfifo(tmp_path / "left.mp4")
     os.mkfifo(tmp_path / "pipe.bag")

@@ -116,6 +116,7 @@ def test_a_folder_is_repaired_as_well_and_what_cannot_be_told_is_said(tmp_path):
         (["nowhere", "out.mcap"], "no such file or folder: nowhere"),
         (["in.mcap", "in.mcap"], "never changed"),
         (["in.mcap", "link.mcap", "--force"], "never changed"),
+        (["out.mcap.part", "out.mcap"], "never changed"),
         (["rig", "rig/out.mcap"], "never changed"),
         (["in.mcap", "there.mcap"], "there.mcap: exists already: name another file, or give --force"),
         (["in.mcap", "rig"], "is a folder"),
@@ -129,6 +130,7 @@ def test_bad_arguments_are_one_clear_line_and_nothing_is_written(repaired, tmp_p
     folder, _ = repaired
     (tmp_path / "in.mcap").write_bytes((folder / "in.mcap").read_bytes())
     (tmp_path / "link.mcap").hardlink_to(tmp_path / "in.mcap")
+    (tmp_path / "out.mcap.part").write_bytes((folder / "in.mcap").read_bytes())
     (tmp_path / "there.mcap").write_text("mine")
     write_folders(tmp_path / "rig", 2)
     before = {path: digest(path) for path in tmp_path.rglob("*") if path.is_file()}

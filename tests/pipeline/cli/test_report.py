@@ -109,7 +109,9 @@ def test_nothing_that_moves_is_told_as_such_with_what_to_do(made):
 
 def test_the_numbers_have_the_documented_fields(made):
     told = numbers(made, "sync")
-    assert set(told) == {"schema", "version", "rig", "state", "text", "advice", "dropped_windows", "cameras", "pairs"}
+    assert set(told) == {
+        *("schema", "version", "rig", "state", "text", "unread", "advice", "dropped_windows", "cameras", "pairs")
+    }
     assert (told["schema"], told["rig"], told["state"]) == ("syncwatch.report.v1", "good", "sync")
     pair = told["pairs"]["left-right"]
     assert set(pair) == {
@@ -159,6 +161,23 @@ def test_what_cannot_be_done_is_one_line_before_any_work(tmp_path, arguments, co
     assert len(done.stderr.splitlines()) == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["clip.yaml"]
     assert (tmp_path / "clip.yaml").read_text() == CLIPS["sync"]
+
+
+def test_of_a_recording_that_cannot_be_read_to_its_end_there_is_a_page_of_what_can(tmp_path):
+    folder = write_folders(tmp_path / "rig", 20)
+    (folder / "right" / "right15.png").write_bytes(b"")
+    done = syncwatch("report", "rig", "--fps", "10", "--json", "numbers.json", cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    why = "rig/right/right15.png: is empty (0 bytes)"
+    assert why in done.stderr.splitlines()[-1]
+    assert (
+        f"The recording could be read in part only: {tmp_path}/{why}"
+        in Page((tmp_path / "report.html").read_text()).text
+    )
+    told = json.loads((tmp_path / "numbers.json").read_text())
+    assert why in told["unread"]
+    assert told["text"].endswith("This is of the part that could be read.")
+    assert told["pairs"]["left-right"]["frames"] in {15, 16}
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
