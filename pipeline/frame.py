@@ -167,7 +167,8 @@ class Source(Protocol):
     `live` sources cannot wait: when detection is slow, windows are dropped. Others are read as fast as they are judged.
     `frame_count` is the number of frames of the first camera when that is known, for progress. A source of recordings
     may have a property `ended`: the cameras of which the recording holds no more frames, which is no fault of theirs;
-    and `pairs`: the cameras that belong together, where it tells.
+    and `pairs`: the cameras that belong together, where it tells. A live one may have `dropped`: by camera, how many of
+    its frames gave way to newer ones because nobody took them in time.
     """
 
     @property

@@ -164,6 +164,8 @@ class CameraShape(Shape):
     frames: Count
     drops: Count
     """Frames lost, by counter or by time."""
+    overwritten: Count
+    """Frames that came and gave way to newer ones before they were taken: the machine is too slow."""
     unpaired: Count
     duplicates: Count
     restarts: Count

@@ -45,15 +45,17 @@ class CameraStatus:
     """The current state of a camera.
 
     fps: measured on its stamps, None before these tell it or where they are made up. drops: frames lost, by counter or
-    by time. unpaired: slots it did not fill. restarts: how often device or clock came back with a new epoch. stalls:
-    how often it fell silent for more than three periods. jitter: how far intervals are off the period. conditions: that
-    last. clock: the name of the clock of its stamps, None before the first frame.
+    by time. overwritten: frames that came and gave way to newer ones before this program took them. unpaired: slots it
+    did not fill. restarts: how often device or clock came back with a new epoch. stalls: how often it fell silent for
+    more than three periods. jitter: how far intervals are off the period. conditions: that last. clock: the name of the
+    clock of its stamps, None before the first frame.
     """
 
     fps: float | None
     expected_fps: float
     frames: int
     drops: int
+    overwritten: int = 0
     unpaired: int = 0
     duplicates: int = 0
     restarts: int = 0
@@ -71,6 +73,7 @@ class CameraStatus:
             "expected_fps": self.expected_fps,
             "frames": self.frames,
             "drops": self.drops,
+            "overwritten": self.overwritten,
             "unpaired": self.unpaired,
             "duplicates": self.duplicates,
             "restarts": self.restarts,

@@ -277,7 +277,13 @@ class Run:
         self._status_due_ns = self._monotonic_ns() + STATUS_EVERY_NS
         parts = self._parts
         warnings = [event.text for event in parts.conditions.open if event.kind != "async"]
-        status = parts.status.status(parts.buffer.counters, parts.observer.report(), warnings, self._windows.dropped)
+        status = parts.status.status(
+            parts.buffer.counters,
+            parts.observer.report(),
+            warnings,
+            dropped_windows=self._windows.dropped,
+            overwritten=getattr(parts.source, "dropped", {}),
+        )
         self._report_all([status])
 
     def _stop_reading(self) -> list[SyncwatchError]:

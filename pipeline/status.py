@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from pipeline.frame import NS_PER_S, Rig, Window
 from pipeline.health.camera import CameraReport
@@ -95,6 +96,7 @@ class StatusKeeper:
         health: Mapping[str, CameraReport],
         warnings: Sequence[str] = (),
         dropped_windows: int = 0,
+        overwritten: Mapping[str, int] = MappingProxyType({}),
     ) -> Status:
         """The rig as it stands now. warnings: what is amiss without a pair being out of sync."""
         level, reasons = self._level(warnings)
@@ -106,7 +108,8 @@ class StatusKeeper:
             reasons=reasons,
             pairs={name: _pair_status(pair, now_ns) for name, pair in self._pairs.items()},
             cameras={
-                camera.name: _camera_status(health[camera.name], counters, camera.name) for camera in self._rig.cameras
+                name: _camera_status(name, health[name], counters, overwritten.get(name, 0))
+                for name in (camera.name for camera in self._rig.cameras)
             },
             version=self._version,
             uptime_s=(now_ns - self._started_ns) / NS_PER_S,
@@ -158,12 +161,13 @@ def _pair_status(pair: _PairState, now_ns: int) -> PairStatus:
     )
 
 
-def _camera_status(health: CameraReport, counters: Counters, name: str) -> CameraStatus:
+def _camera_status(name: str, health: CameraReport, counters: Counters, overwritten: int) -> CameraStatus:
     return CameraStatus(
         fps=health.fps,
         expected_fps=health.expected_fps,
         frames=counters.frames[name],
         drops=health.drops,
+        overwritten=overwritten,
         unpaired=counters.holes[name],
         duplicates=health.duplicates,
         restarts=health.restarts,

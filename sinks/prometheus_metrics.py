@@ -60,6 +60,7 @@ COUNTERS = (
     Family("dropped_windows", "Moments that were not judged for want of time."),
     Family("frames", "Frames delivered.", ("camera",)),
     Family("drops", "Frames lost, by counter or by time.", ("camera",)),
+    Family("overwritten_frames", "Frames that gave way to newer ones before they were taken.", ("camera",)),
     Family("unpaired_frames", "Moments that the camera had no frame of.", ("camera",)),
     Family("duplicate_frames", "Frames delivered twice.", ("camera",)),
     Family("restarts", "Times that the device or its clock started anew.", ("camera",)),
@@ -160,6 +161,7 @@ def _put_pair(page: _Page, name: str, pair: PairStatus) -> None:
 def _put_camera(page: _Page, name: str, camera: CameraStatus) -> None:
     page.put("frames", camera.frames, name)
     page.put("drops", camera.drops, name)
+    page.put("overwritten_frames", camera.overwritten, name)
     page.put("unpaired_frames", camera.unpaired, name)
     page.put("duplicate_frames", camera.duplicates, name)
     page.put("restarts", camera.restarts, name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from pipeline.buffer import BufferSettings, make_pairer
@@ -57,6 +57,11 @@ class FaultedSource:
     @property
     def pairs(self) -> Sequence[tuple[str, str]] | None:
         told: Sequence[tuple[str, str]] | None = getattr(self._source, "pairs", None)
+        return told
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        told: Mapping[str, int] = getattr(self._source, "dropped", {})
         return told
 
     def open(self) -> None:

@@ -44,6 +44,7 @@ class HeardCamera(Heard):
     expected_fps: float
     frames: int
     drops: int
+    overwritten: int = 0
     unpaired: int = 0
     duplicates: int = 0
     restarts: int = 0

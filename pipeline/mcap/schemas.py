@@ -140,7 +140,7 @@ def _status(cameras: Iterable[str], pairs: Iterable[str]) -> JsonSchema:
     camera = _object(
         {
             "expected_fps": NUMBER,
-            **_all(INTEGER, "frames", "drops", "unpaired", "duplicates", "restarts"),
+            **_all(INTEGER, "frames", "drops", "overwritten", "unpaired", "duplicates", "restarts"),
             "conditions": TEXTS,
         },
         _all(NUMBER, "fps", "jitter_p50_ms", "jitter_p99_ms"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import timedelta
 from functools import partial
@@ -90,6 +90,10 @@ class OakSource:
     @property
     def cameras(self) -> tuple[Camera, ...]:
         return tuple(Camera(name, self._settings.fps) for name in self._settings.camera_names)
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        return self._inbox.dropped
 
     def open(self) -> None:
         """Finds and opens every device; what keeps one from that is an error now, and waited for later."""

@@ -62,7 +62,7 @@ class LiveCamera:
         *,
         host: Host,
         silent_after_s: float | None,
-        put: Callable[[Frame], None],
+        put: Callable[[Frame], object],
         stopped: threading.Event,
         wait: Callable[[float], bool] | None = None,
     ) -> None:

@@ -1,16 +1,14 @@
-"""V4L2 cameras as one source: a thread a camera, one bounded queue."""
+"""V4L2 cameras as one source: a thread a camera, one inbox."""
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Iterator
-from contextlib import suppress
-from typing import TypeAlias
+from collections.abc import Iterator, Mapping
 
 from pipeline.errors import InputError, RunError
 from pipeline.frame import Camera, Frame
-from pipeline.queues import BoundedQueue, QueueClosedError
+from sources.live import Inbox
 from sources.v4l2.camera import LiveCamera
 from sources.v4l2.device import Host, TroubleError
 from sources.v4l2.nodes import Node, here
@@ -26,11 +24,9 @@ DEFAULT_FPS = 30.0
 PATIENCE_S = 5.0
 """How long a driver may take to let go of a camera."""
 
-Item: TypeAlias = Frame | RunError
-
 
 class V4l2Source:
-    """Implements Source; always `live`. A queue that is full gives up its oldest frame (counted, said at the end)."""
+    """Implements Source; always `live`."""
 
     live = True
     frame_count = None
@@ -39,14 +35,14 @@ class V4l2Source:
         self._settings = settings
         self._host = host or Host()
         self._stopped = threading.Event()
-        self._queue: BoundedQueue[Item] = BoundedQueue(FRAMES_AHEAD * len(settings.cameras), wait=False)
+        self._inbox: Inbox[Frame] = Inbox(settings.cameras, frames_ahead=FRAMES_AHEAD)
         self._live = [
             LiveCamera(
                 name,
                 asked,
                 host=self._host,
                 silent_after_s=settings.silent_after_s,
-                put=self._put,
+                put=self._inbox.put,
                 stopped=self._stopped,
             )
             for name, asked in settings.cameras.items()
@@ -58,9 +54,8 @@ class V4l2Source:
         self.cameras: tuple[Camera, ...] = ()
 
     @property
-    def dropped(self) -> int:
-        """Frames that nobody took in time."""
-        return self._queue.dropped
+    def dropped(self) -> Mapping[str, int]:
+        return self._inbox.dropped
 
     def open(self) -> None:
         """Finds, opens and sets up every camera; with `wait`, those that are there."""
@@ -77,16 +72,11 @@ class V4l2Source:
     def frames(self) -> Iterator[Frame]:
         for thread in self._threads:
             thread.start()
-        with suppress(QueueClosedError):
-            while True:
-                item = self._queue.get()
-                if isinstance(item, RunError):
-                    raise item
-                yield item
+        yield from self._inbox.read()
 
     def stop(self) -> None:
         self._stopped.set()
-        self._queue.close()
+        self._inbox.end()
 
     def close(self) -> None:
         self.stop()
@@ -99,8 +89,7 @@ class V4l2Source:
                 log.error("%s: its driver has not let go of it within %.0f s", camera.name, PATIENCE_S)
             if camera.counts.text:
                 log.warning("%s: %d frames, %s", camera.name, camera.counts.frames, camera.counts.text)
-        if self.dropped:
-            log.warning("this machine was too slow: %d frames of cameras dropped", self.dropped)
+        self._inbox.say_what_was_dropped()
 
     def _found(self, camera: LiveCamera) -> Node | None:
         try:
@@ -130,15 +119,10 @@ class V4l2Source:
             log.warning("%s: frame rate unknown: %g is assumed; set fps", camera.name, DEFAULT_FPS)
         return camera.fps or DEFAULT_FPS
 
-    def _put(self, frame: Frame) -> None:
-        with suppress(QueueClosedError):
-            self._queue.put(frame)
-
     def _keep(self, camera: LiveCamera) -> None:
         """The thread of one camera."""
         try:
             camera.run()
         except Exception as error:  # a fault of this program: it ends the run and is told
             log.debug("%s", camera.name, exc_info=error)
-            with suppress(QueueClosedError):
-                self._queue.put(RunError(f"{camera.name}: {type(error).__name__}: {error}"))
+            self._inbox.end(RunError(f"{camera.name}: {type(error).__name__}: {error}"))

@@ -7,7 +7,7 @@ import re
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -97,6 +97,10 @@ class ZenohSource:
     @property
     def cameras(self) -> tuple[Camera, ...]:
         return tuple(Camera(name, camera.fps) for name, camera in self._settings.cameras.items())
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        return self._inbox.dropped
 
     @property
     def refused(self) -> Counter[str]:

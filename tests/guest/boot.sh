@@ -41,7 +41,6 @@ for each in proc sys dev; do mount --move /\$each /overlay/root/\$each; done
 mkdir -p /overlay/root/dev/pts /overlay/root/dev/shm
 mount -t devpts devpts /overlay/root/dev/pts
 mount -t tmpfs shm /overlay/root/dev/shm
-mount -t tmpfs tmp /overlay/root/tmp
 mount --bind /results /overlay/root$results
 ip link set lo up
 exec chroot /overlay/root /bin/sh $root/tests/guest/inside.sh $root

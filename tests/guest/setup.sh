@@ -6,24 +6,43 @@ cd "$(dirname "$0")/../.."
 
 guest=build/guest
 ready=$guest/ready-$(sha256sum < tests/guest/setup.sh | cut -c 1-12)
-[ -e "$ready" ] && exit 0
-[ "$(uname -m)" = x86_64 ] && command -v apt-get > /dev/null || { echo "guest tests need Debian on x86-64" >&2; exit 2; }
+tools=(qemu-system-x86 busybox-static kmod cpio gcc make xz-utils)
+export DEBIAN_FRONTEND=noninteractive LC_ALL=C PATH=$PATH:/usr/sbin:/sbin
 
-tools=(qemu-system-x86 busybox-static kmod cpio v4l-utils gcc make xz-utils)
-image=$(apt-cache depends linux-image-amd64 | sed -n 's/^ *Depends: \(linux-image-.*\)$/\1/p' | head -n 1)
-if [ -z "$image" ] || ! dpkg --status "${tools[@]}" > /dev/null 2>&1; then
-    apt-get update -qq
-    apt-get install -y -qq --no-install-recommends "${tools[@]}" > /dev/null
-    image=$(apt-cache depends linux-image-amd64 | sed -n 's/^ *Depends: \(linux-image-.*\)$/\1/p' | head -n 1)
-fi
-version=${image#linux-image-}
-headers=linux-headers-$version
-common=$(apt-cache depends "$headers" | sed -n 's/^ *Depends: \(linux-headers-.*-common\)$/\1/p')
-kbuild=$(apt-cache depends "$headers" | sed -n 's/^ *Depends: \(linux-kbuild-.*\)$/\1/p')
+are_installed() { [ "$(dpkg-query -Wf '${db:Status-Status}\n' "${tools[@]}" 2> /dev/null | grep -cx installed)" = ${#tools[@]} ]; }
+
+[ "$(uname -m)" = x86_64 ] && command -v apt-get > /dev/null || { echo "guest tests need Debian on x86-64" >&2; exit 2; }
+[ -e "$ready" ] && are_installed && exit 0
+
+install_tools() {
+    # Another program may be installing something: it is waited for.
+    are_installed || apt-get -qq -o DPkg::Lock::Timeout=600 install -y --no-install-recommends "${tools[@]}" < /dev/null > /dev/null
+}
+
+dependency() { apt-cache depends "$1" 2> /dev/null | sed -n "s/^ *Depends: \($2\)\$/\1/p" | head -n 1; }
+
+download() {
+    image=$(dependency linux-image-amd64 'linux-image-.*')
+    version=${image#linux-image-}
+    headers=linux-headers-$version
+    common=$(dependency "$headers" 'linux-headers-.*-common')
+    kbuild=$(dependency "$headers" 'linux-kbuild-.*')
+    [ -n "$image" ] && [ -n "$common" ] && [ -n "$kbuild" ] &&
+        (cd "$guest/packages" && apt-get download -qq -o APT::Sandbox::User=root "$image" "$headers" "$common" "$kbuild" v4l2loopback-dkms)
+}
+
+renew_lists() {
+    for _ in $(seq 60); do
+        apt-get update -qq && return
+        sleep 5
+    done
+    return 1
+}
 
 rm -rf "$guest"
 mkdir -p "$guest/packages" "$guest/unpacked"
-(cd "$guest/packages" && apt-get download -qq -o APT::Sandbox::User=root "$image" "$headers" "$common" "$kbuild" v4l2loopback-dkms)
+# Lists of packages may be absent, or name what is no longer to be had.
+{ install_tools && download; } 2> "$guest/apt.log" || { renew_lists && install_tools && download; } || { cat "$guest/apt.log" >&2; exit 1; }
 for package in "$guest"/packages/*.deb; do dpkg-deb -x "$package" "$guest/unpacked"; done
 
 # The headers name each other by absolute paths: they are read from where they were unpacked instead.

@@ -269,6 +269,7 @@ def test_a_slow_detector_drops_whole_windows_of_a_live_rig_oldest_first():
     indices = [window.index for window in slow.seen]
     assert indices[-1] == 49
     assert indices == sorted(indices)
+    assert all(len({triple.current.sequence for triple in window.cameras.values()}) == 1 for window in slow.seen)
     assert sink.statuses[-1].dropped_windows == 50 - len(indices)
     for seen in slow.seen:
         left, right = (seen.cameras[name].current for name in ("left", "right"))

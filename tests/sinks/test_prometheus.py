@@ -52,7 +52,7 @@ PAIR = PairStatus(
     skew_p99_ns=33_000_000,
 )
 CAMERA = CameraStatus(
-    fps=29.9, expected_fps=30, frames=900, drops=3, unpaired=4, duplicates=5, restarts=1, stalls=2,
+    fps=29.9, expected_fps=30, frames=900, drops=3, overwritten=8, unpaired=4, duplicates=5, restarts=1, stalls=2,
     jitter_p50_ns=10_000, jitter_p99_ns=200_000, conditions=("dark",), clock="rig", epoch=1,
 )  # fmt: skip
 STATUS = Status(

@@ -185,6 +185,8 @@ def test_a_flood_gives_up_the_oldest_frames_of_its_camera_only(caplog):
     stuck.set()
     monitor.close()
     assert any("left: frames were not taken fast enough" in line for line in caplog.messages)
+    told = {name: camera.overwritten for name, camera in monitor.status.cameras.items()}
+    assert told == monitor.dropped
 
 
 def test_closing_twice_or_from_a_callback_is_safe_and_leaves_no_thread():
