@@ -6,7 +6,9 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import click
 from rich import box
@@ -15,55 +17,62 @@ from rich.markup import escape
 from rich.progress import Progress as Bar
 from rich.table import Table
 
-from pipeline.cli.common import CANNOT_TELL, DONE, OUT_OF_SYNC, read_plan, set_option
+from pipeline.cli.common import CANNOT_TELL, DONE, OUT_OF_SYNC, seconds, set_option
+from pipeline.cli.footage import Footage, is_live, take
 from pipeline.cli.output import output_file, write_output
-from pipeline.cli.recording import RecordingOptions, is_config, recording_options, recording_plan
-from pipeline.plan import Plan
+from pipeline.cli.recording import RecordingOptions, recording_options
+from pipeline.errors import InputError
 from pipeline.selftest.findings import Outcome
 from pipeline.selftest.proof import Conclusion, Proof, prove
-from pipeline.selftest.trials import DETECTOR, Progress
+from pipeline.selftest.trials import Progress
 
 STATUS = {Conclusion.PROVED: DONE, Conclusion.CONTRADICTED: OUT_OF_SYNC, Conclusion.NOT_PROVED: CANNOT_TELL}
 COLOUR = {Outcome.PASSED: "green", Outcome.FAILED: "bold red", Outcome.NOT_SHOWN: "yellow"}
 SAID = {Outcome.PASSED: "pass", Outcome.FAILED: "FAIL", Outcome.NOT_SHOWN: "not shown"}
 
 
-@dataclass(frozen=True, slots=True)
-class Footage:
-    """What was given on the command line: one configuration, or a recording."""
-
-    paths: tuple[str, ...]
-    options: RecordingOptions
-    overrides: tuple[str, ...]
-
-    def plan(self) -> Plan:
-        """Raises InputError."""
-        if is_config(self.paths):
-            return read_plan(self.paths[0], (*self.overrides, *self.options.overrides))
-        return recording_plan(self.paths, self.options, detectors=DETECTOR, overrides=self.overrides)
+FOR_S = 10.0
+"""How long a live rig is recorded: moved up and down a few times."""
 
 
 @click.command()
 @click.argument("path", nargs=-1, required=True)
 @recording_options
+@click.option("--for", "duration", metavar="TIME", help="Of a live rig: move it for this long (default: 10s).")
 @click.option("--json", "json_file", metavar="FILE", help="Write every number as JSON; - is standard output.")
 @click.option(
     "--jobs", type=click.IntRange(1, 256), default=os.cpu_count() or 1, help="Processes (default: one a core)."
 )
 @set_option
 def selftest(
-    path: tuple[str, ...], options: RecordingOptions, json_file: str | None, jobs: int, overrides: tuple[str, ...]
+    path: tuple[str, ...],
+    options: RecordingOptions,
+    duration: str | None,
+    json_file: str | None,
+    jobs: int,
+    overrides: tuple[str, ...],
 ) -> int:
     """Prove the offset detector on your own footage, without ground truth.
 
     The recording at PATH, or the source of a configuration, is judged as it is, with its pictures moved by known
     numbers of frames, with its cameras swapped, with a slip put in, and by halves of its points: do all these agree?
+    A live rig is recorded first, for ten seconds, while you move it up and down.
 
     Exit status 0: they do. 3: they contradict each other. 4: the footage shows too little to prove anything.
     """
     target = None if json_file in {None, "-"} else output_file("--json", str(json_file), path)
-    with _progress() as progress:
-        proof = prove(Footage(path, options, overrides).plan, jobs, progress)
+    footage = Footage(path, options, overrides)
+    plan = footage.plan()
+    with TemporaryDirectory(prefix="syncwatch-selftest-") as folder:
+        if is_live(plan):
+            footage = replace(footage, taken=Path(folder) / "rig.mcap")
+            interrupted = take(plan, Path(folder) / "rig.mcap", FOR_S if duration is None else seconds(duration), _ask)
+            if interrupted:
+                return interrupted
+        elif duration is not None:
+            raise InputError("--for is of a live rig: of a recording, --from and --to say which part is looked at")
+        with _progress() as progress:
+            proof = prove(footage.plan, jobs, progress)
     if target is not None:
         write_output("--json", target, _json(proof) + "\n")
     if json_file == "-":
@@ -71,6 +80,10 @@ def selftest(
     else:
         show(proof, Console(highlight=False, emoji=False))
     return STATUS[proof.conclusion]
+
+
+def _ask() -> None:
+    click.echo("syncwatch: move the rig up and down now", err=True)
 
 
 def _json(proof: Proof) -> str:

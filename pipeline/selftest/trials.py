@@ -13,7 +13,6 @@ from typing import Literal, TypeAlias
 from pipeline.assemble import KINDS, assemble, build_source
 from pipeline.config import PairSettings
 from pipeline.detectors.offset.settings import OffsetSettings
-from pipeline.errors import InputError
 from pipeline.frame import NS_PER_MS, NS_PER_S, Camera, Frame, Pair, Rig, Source
 from pipeline.plan import Chosen, Plan
 from pipeline.run import Run
@@ -90,16 +89,11 @@ class TwoCameras:
 
 
 def open_footage(plan: Plan) -> Source:
-    """The plan's source, open, to be run once and at full speed. Raises InputError, also for a live source."""
+    """The plan's source, open, to be run once and at full speed. Raises InputError."""
     once = {"speed": "max", "loop": False}
     known = {name: value for name, value in once.items() if name in type(plan.source.settings).model_fields}
     settings = plan.source.settings.model_copy(update=known)
     source = build_source(replace(plan, source=replace(plan.source, settings=settings)), know_truth=True)
-    if source.live:
-        raise InputError(
-            f"{plan.document.label}: source '{getattr(settings, 'type', '?')}' is live and cannot be run twice: "
-            "record it, then run the selftest on the recording"
-        )
     source.open()
     return source
 

@@ -41,6 +41,9 @@ LATE_IN_A_ROW = 12
 
 FPS = 10
 PERIOD_NS = NS_PER_S // FPS
+SILENT_NS = 2 * PERIOD_NS + NS_PER_S // 2
+"""Silence after which a camera is missing: the next picture would then be three periods late."""
+
 GREY_SMALL = {"size": [320, 180], "format": "GREY", "fps": FPS, "buffers": 8}
 """What an emulated machine delivers and judges with time to spare."""
 
@@ -154,6 +157,13 @@ class Watched:
     def until_frames(self, camera: str, count: int, epoch: int | None = None) -> list[Seen]:
         """The first frames of a camera, in that epoch."""
         return self.until(lambda: len(self.of(camera, epoch)) >= count and self.of(camera, epoch)[:count])
+
+    def wrongly_missing(self, camera: str) -> list[Event]:
+        """Events that a camera is missing though its pictures came: an emulated machine may itself stand still."""
+        arrived_ns = [one.arrived_ns for one in self.of(camera)]
+        silences = [(begin, end) for begin, end in pairwise(arrived_ns) if end - begin > SILENT_NS]
+        told = [(event, self.told_ns(event)) for event in self.missing(camera, "onset")]
+        return [event for event, at in told if not any(begin < at < end + NS_PER_S for begin, end in silences)]
 
 
 @contextmanager

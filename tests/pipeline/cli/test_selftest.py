@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from contextlib import suppress
@@ -25,13 +26,44 @@ def write(folder, motion: str, seconds: float) -> None:
     (folder / "rig.yaml").write_text(RENDERED.format(motion=motion, seconds=seconds))
 
 
+LIVE = """
+from sources.synthetic.settings import SyntheticSettings
+from sources.synthetic.source import SyntheticSource
+from syncwatch import Settings
+
+class MySettings(Settings):
+    type: str
+    silent: str = ''
+
+class Mine(SyntheticSource):
+    Settings = MySettings
+    live = True
+
+    def __init__(self, settings):
+        cameras = [{'name': 'left'}, {'name': 'right', 'offset_ms': 16.667}]
+        super().__init__(SyntheticSettings(motion='handheld', width=240, height=180, speed=1, cameras=cameras), seed=0)
+        self._silent = settings.silent
+
+    def frames(self):
+        return (frame for frame in super().frames() if frame.camera != self._silent)
+"""
+
+CONFIG = "rig: bench\nsource: {type: 'mine:Mine'}\ndetectors: {offset: }\nsinks: {jsonl: {path: never.jsonl}}\n"
+
+
+def make_live(folder: Path) -> None:
+    (folder / "mine.py").write_text(LIVE)
+    (folder / "rig.yaml").write_text(CONFIG)
+    (folder / "tmp").mkdir()
+
+
 @pytest.fixture(scope="module")
 def proved(tmp_path_factory):
-    """A rig carried by hand, its second camera half a frame late."""
+    """A live rig carried by hand, its second camera half a frame late."""
     folder = tmp_path_factory.mktemp("proved")
-    write(folder, "handheld", 3)
-    late = "source.cameras=[{name: left}, {name: right, offset_ms: 16.667}]"
-    return folder, syncwatch("selftest", "rig.yaml", "--set", late, "--json", "out.json", cwd=folder)
+    make_live(folder)
+    options = ("--for", "2.5s", "--json", "out.json")
+    return folder, syncwatch("selftest", "rig.yaml", *options, cwd=folder, TMPDIR=str(folder / "tmp"))
 
 
 def test_footage_that_is_out_of_sync_proves_the_detector_and_is_told_as_it_is(proved):
@@ -57,33 +89,40 @@ def test_every_number_is_in_the_json(proved):
     assert pair["smallest_offset_ms"] == pytest.approx(pair["smallest_offset_frames"] * told["period_ms"])
 
 
-def test_the_sinks_of_the_configuration_are_left_alone(proved):
-    folder, _ = proved
-    assert sorted(path.name for path in folder.iterdir()) == ["out.json", "rig.yaml"]
+def test_a_live_rig_is_recorded_while_it_is_moved_and_nothing_is_left_behind(proved):
+    folder, done = proved
+    assert "syncwatch: move the rig up and down now" in done.stderr.splitlines()
+    left = sorted(path.name for path in folder.iterdir() if path.name != "__pycache__")
+    assert left == ["mine.py", "out.json", "rig.yaml", "tmp"]
+    assert not list((folder / "tmp").iterdir())
 
 
-LIVE = """
-from syncwatch import Camera, Settings
-class MySettings(Settings):
-    type: str
-class Mine:
-    Settings = MySettings
-    live, frame_count = True, None
-    cameras = [Camera('left', 10), Camera('right', 10)]
-    def __init__(self, settings): pass
-    def open(self): raise OSError('a live camera was opened')
-    def frames(self): return iter(())
-    def stop(self): pass
-    def close(self): pass
-"""
+@pytest.fixture
+def live(tmp_path):
+    make_live(tmp_path)
+    return tmp_path
 
 
-def test_a_live_source_is_refused_before_it_is_opened(tmp_path):
-    (tmp_path / "mine.py").write_text(LIVE)
-    (tmp_path / "c.yaml").write_text("source: {type: 'mine:Mine'}\ndetectors: {offset: }\n")
-    done = syncwatch("selftest", "c.yaml", cwd=tmp_path)
-    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
-    assert "is live and cannot be run twice: record it" in done.stderr
+def test_a_live_rig_of_which_a_camera_is_silent_is_an_error_that_names_it(live):
+    done = syncwatch("selftest", "rig.yaml", "--for", "1s", "--set", "source.silent=right", cwd=live)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "error: nothing came of right within" in done.stderr
+
+
+def test_a_selftest_that_is_interrupted_while_it_records_leaves_nothing(live):
+    command = [sys.executable, "-m", "syncwatch", "selftest", "rig.yaml", "--for", "60s"]
+    env = {**os.environ, "TMPDIR": str(live / "tmp")}
+    with subprocess.Popen(
+        command, cwd=live, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as program:
+        assert program.stderr is not None
+        for line in program.stderr:
+            if "move the rig" in line:
+                break
+        program.terminate()
+        output, _ = program.communicate(timeout=30)
+    assert (program.returncode, output) == (143, "")
+    assert not list((live / "tmp").iterdir())
 
 
 @pytest.mark.parametrize(
@@ -91,6 +130,7 @@ def test_a_live_source_is_refused_before_it_is_opened(tmp_path):
     [
         (["nothing.yaml"], "nothing.yaml"),
         (["rig.yaml", "--jobs", "0"], "--jobs"),
+        (["rig.yaml", "--for", "3s"], "--for is of a live rig"),
         (["rig.yaml", "--json", "."], "it is a folder"),
         (["rig.yaml", "--set", "pairs=[left-top]"], "no camera 'top'"),
     ],
