@@ -69,6 +69,7 @@ from sinks.pictures import PicturesSettings, PicturesSink
 from sinks.prometheus import PrometheusSettings, PrometheusSink
 from sinks.ros2.sink import Ros2Settings, Ros2Sink
 from sinks.zenoh import ZenohSettings, ZenohSink
+from sources.oak.listing import oak_cameras, oak_source
 from sources.oak.settings import OakSettings
 from sources.oak.source import OakSource
 from sources.push import PushSettings, PushSource
@@ -206,7 +207,7 @@ KINDS = Kinds(
     },
 )
 
-FINDERS: tuple[Finder, ...] = (Finder(v4l2_cameras, v4l2_source),)
+FINDERS: tuple[Finder, ...] = (Finder(v4l2_cameras, v4l2_source), Finder(oak_cameras, oak_source))
 """What looks for the cameras of this machine, in the order in which they are listed."""
 
 

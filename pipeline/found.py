@@ -38,7 +38,7 @@ class FoundCamera:
     """One camera.
 
     kind: the type of the source that reads it. path: where it is now. links: names of it that stay. problem: why it
-    cannot be used, in words. settings: what a configuration says of it.
+    cannot be used, in words. settings: what a configuration says of it. views: how many cameras of a rig it is.
     """
 
     kind: str
@@ -50,6 +50,7 @@ class FoundCamera:
     modes: tuple[Mode, ...] = ()
     problem: str | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
+    views: int = 1
 
     def to_json(self) -> Message:
         return {

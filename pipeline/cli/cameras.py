@@ -16,7 +16,7 @@ from pipeline.found import Finder, FoundCamera, Mode
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Everything that is known, as JSON.")
 def cameras(as_json: bool) -> int:
-    """List the cameras of this machine, with a piece of configuration to paste."""
+    """List the cameras of this machine, V4L2 and OAK, with a piece of configuration to paste."""
     by_finder = [(finder, finder.find()) for finder in FINDERS]
     found = [camera for _, own in by_finder for camera in own]
     if as_json:
@@ -68,4 +68,5 @@ def _snippet(finder: Finder, found: Sequence[FoundCamera]) -> list[str]:
     if not usable:
         return []
     text = yaml.safe_dump({"source": dict(finder.source(usable))}, default_flow_style=None, sort_keys=False, width=1000)
-    return ["", *text.splitlines(), *(["# a rig needs two or more cameras"] if len(usable) == 1 else [])]
+    alone = sum(camera.views for camera in usable) == 1
+    return ["", *text.splitlines(), *(["# a rig needs two or more cameras"] if alone else [])]

@@ -10,6 +10,10 @@ from pipeline.errors import InputError, RunError
 from sources.oak.settings import OakDeviceSettings, OakSettings
 
 
+class NotThereError(InputError):
+    """No device answers, or not the one that is wanted."""
+
+
 @dataclass(frozen=True, slots=True)
 class Built:
     """A pipeline that is ready to start. outputs: by camera; close: gives the device back after the pipeline's end."""
@@ -21,8 +25,11 @@ class Built:
 
 
 def build_on_device(dai: Any, wanted: OakDeviceSettings, settings: OakSettings) -> Built:
-    """Raises InputError where the device is not there, RunError where it cannot be opened or set up."""
-    info = _found(dai, wanted.device)
+    """Raises NotThereError, InputError where it is not clear which device is meant, RunError for one that fails."""
+    try:
+        info = _found(dai, wanted.device)
+    except RuntimeError as error:
+        raise RunError(f"OAKs cannot be looked for: {error}") from None
     name = info.getDeviceId() or info.name
     try:
         device = dai.Device(info)
@@ -49,9 +56,9 @@ def _found(dai: Any, wanted: str | None) -> Any:
     names = ", ".join(other.getDeviceId() or other.name for other in others)
     if wanted is not None:
         there = f"there are {names}" if others else "there is none"
-        raise InputError(f"no OAK '{wanted}' is found on USB or the network: {there} that no other program uses")
+        raise NotThereError(f"no OAK '{wanted}' is found on USB or the network: {there} that no other program uses")
     if not others:
-        raise InputError(
+        raise NotThereError(
             "no OAK is found on USB or the network: is one plugged in, powered, and used by no other program? "
             "On Linux, USB needs the udev rules of Luxonis; across networks give its IP address as 'device'"
         )

@@ -35,6 +35,7 @@ class OakSettings(Settings):
                the device's clock as depthai translates it to CLOCK_MONOTONIC of this machine, good to a part of a
                millisecond. `ptp`: the device's system clock, where PTP keeps devices together. `auto`: `device` for one
                device, `host` for more.
+    wait:      a device that is not there at the start is waited for; else that is an error.
     stall_s:   silence of all cameras of a device after which it is opened anew.
     telemetry: let depthai send its usage data to Luxonis, which it does by default.
     """
@@ -45,6 +46,7 @@ class OakSettings(Settings):
     width: int = Field(default=640, ge=32, le=8192)
     height: int = Field(default=400, ge=32, le=8192)
     clock: Literal["auto"] | Clock = "auto"
+    wait: bool = False
     stall_s: float = Field(default=3.0, ge=0.1, le=3600)
     frames_ahead: FramesAhead = FRAMES_AHEAD
     telemetry: bool = False

