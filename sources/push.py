@@ -40,7 +40,7 @@ class PushSource:
         self._settings = settings
         self._clock_ns = clock_ns
         self._inbox: Inbox[Frame] = Inbox(settings.cameras, frames_ahead=settings.frames_ahead)
-        self._shapes: dict[str, tuple[int, ...]] = {}
+        self._sizes: dict[str, tuple[int, tuple[int, ...]]] = {}
         self._attached = False
 
     @property
@@ -80,10 +80,10 @@ class PushSource:
 
         captured_ns: None stamps the frame with its arrival, which is no evidence of when it was taken.
         copy: False declares that nobody writes to `image` any more. Raises InputError for a camera that does not exist
-        and for a picture that is not H x W or H x W x 3 of 8 bits or not of the size of those before it.
+        and for a picture that is not H x W or H x W x 3 of 8 bits or not of the size of those of this epoch.
         """
         arrived_ns = self._clock_ns()
-        self._check(camera, image)
+        self._check(camera, image, int(epoch))
         given = captured_ns is not None
         return self._inbox.put(
             Frame(
@@ -111,17 +111,20 @@ class PushSource:
         self._inbox.stop()
         self._inbox.say_what_was_dropped()
 
-    def _check(self, camera: str, image: Picture) -> None:
+    def _check(self, camera: str, image: Picture, epoch: int) -> None:
         if camera not in self._settings.cameras:
             raise InputError(f"no camera '{camera}': this rig has {', '.join(self._settings.cameras)}")
         array = np.asarray(image)
         if array.dtype != np.uint8 or not (array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)):
             found = f"{array.dtype} {array.shape}"
             raise InputError(f"{camera}: a picture must be uint8, H x W or H x W x 3, not {found}: convert it first")
-        usual = self._shapes.setdefault(camera, array.shape[:2])
+        of_epoch, usual = self._sizes.get(camera, (epoch, array.shape[:2]))
+        if epoch > of_epoch:
+            usual = array.shape[:2]
+        self._sizes[camera] = (max(epoch, of_epoch), usual)
         if array.shape[:2] != usual:
             (height, width), (usual_height, usual_width) = array.shape[:2], usual
             raise InputError(
                 f"{camera}: {width}x{height} pixels, but the pictures before had {usual_width}x{usual_height}: "
-                "one camera keeps one size; start a monitor anew for another"
+                "a camera that was started anew with another size has a higher epoch"
             )

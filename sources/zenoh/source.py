@@ -55,13 +55,14 @@ class _Arrival:
 
 @dataclass(slots=True)
 class _Heard:
-    """Who publishes a camera's pictures: the key and, if known, the publisher; when it was heard last.
+    """Who publishes a camera's pictures: the key and, if known, the publisher; of which size; when it was heard last.
 
-    said_epoch: as the publisher counts; epoch: rises with it and with a new publisher, and never falls.
+    said_epoch: as the publisher counts; epoch: rises with it, with a new publisher and a new size, and never falls.
     """
 
     key: str
     publisher: bytes | None
+    size: str
     said_epoch: int
     at_ns: int
     epoch: int = 0
@@ -70,9 +71,9 @@ class _Heard:
 class ZenohSource:
     """Implements Source. What cannot be decoded is counted and said once a kind; the rest goes on.
 
-    One publisher a camera is heard. Others on a key that matches, too, are left out and said once; one takes its place
-    when it has been silent for a second, and the epoch rises. A network that is not there is waited for; sessions
-    reconnect by themselves.
+    One publisher a camera is heard, with pictures of one size. Others on a key that matches, too, and other sizes are
+    left out and said once; they take its place when it has been silent for a second, and the epoch rises. A network
+    that is not there is waited for; sessions reconnect by themselves.
     """
 
     live = True
@@ -208,18 +209,23 @@ class ZenohSource:
 
     def _is_heard(self, arrival: _Arrival, shown: Shown) -> bool:
         """Whether the picture is of the publisher that is heard for its camera."""
-        now = _Heard(arrival.key, shown.publisher, shown.epoch, arrival.arrived_ns)
-        heard = self._heard.setdefault(arrival.camera, now)
+        camera, (height, width) = arrival.camera, shown.image.shape[:2]
+        now = _Heard(arrival.key, shown.publisher, f"{width}x{height}", shown.epoch, arrival.arrived_ns)
+        heard = self._heard.setdefault(camera, now)
         is_same = (heard.key, heard.publisher) == (now.key, now.publisher)
-        if not is_same and now.at_ns - heard.at_ns < SWITCH_AFTER_NS:
-            self._refuse(
-                arrival.camera,
-                f"{arrival.camera}: {arrival.key} is left out, for {heard.key} is heard: "
-                "give the camera a key that only one publisher has",
-            )
+        is_restarted = is_same and now.said_epoch != heard.said_epoch
+        goes_on = is_same and now.size == heard.size
+        if not goes_on and not is_restarted and now.at_ns - heard.at_ns < SWITCH_AFTER_NS:
+            if is_same:
+                why = f"{now.size} pixels are left out, for pictures of {heard.size} are heard"
+            else:
+                why = f"is left out, for {heard.key} is heard: give the camera a key that only one publisher has"
+            self._refuse(camera, f"{camera}: {arrival.key}: {why}")
             return False
-        now.epoch = heard.epoch + (not is_same or now.said_epoch != heard.said_epoch)
-        self._heard[arrival.camera] = now
+        now.epoch = heard.epoch + (is_restarted or not goes_on)
+        self._heard[camera] = now
+        if now.size != heard.size:
+            self._makers[camera] = PictureMaker(camera, self._notices)
         return True
 
     def _refuse(self, camera: str, sentence: str) -> None:

@@ -148,6 +148,12 @@ def test_a_picture_that_cannot_be_is_refused_and_the_monitor_goes_on(camera, ima
         assert monitor.push("left", PICTURE, PERIOD_NS)
 
 
+def test_a_camera_that_was_started_anew_may_have_another_size():
+    with stamps_only() as monitor:
+        assert monitor.push("left", PICTURE, 0)
+        assert monitor.push("left", np.zeros((5, 6), np.uint8), PERIOD_NS, epoch=1)
+
+
 def test_a_callback_that_hangs_neither_blocks_pushing_nor_hides_the_end(caplog):
     held = threading.Event()
     monitor = stamps_only(on_verdict=lambda _: held.wait(10))

@@ -31,6 +31,7 @@ from tests.publishing import (
 )
 
 PNG = cv2.imencode(".png", PICTURE)[1].tobytes()
+LARGE_PNG = cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes()
 
 
 @pytest.fixture
@@ -125,7 +126,7 @@ def test_what_cannot_be_decoded_is_counted_and_said_once_a_kind(prefix, caplog):
     assert any(line.startswith(f"left: {made.refused['left']} samples could not be used") for line in caplog.messages)
 
 
-def test_a_picture_of_another_size_is_left_out(prefix, caplog):
+def test_pictures_of_another_size_are_left_out_until_those_of_before_have_ceased(prefix, caplog):
     endpoint = free_endpoint()
     made = ZenohSource(settings(endpoint, prefix))
     with network(endpoint) as session, reading(made) as read:
@@ -133,8 +134,10 @@ def test_a_picture_of_another_size_is_left_out(prefix, caplog):
         put_until(read, session, key, lambda n: (ros_image(n), None), lambda: read.frames)
         large = np.zeros((8, 8), np.uint8)
         put_until(read, session, key, lambda n: (ros_image(n, large), None), lambda: made.refused["left"])
-    assert {item.image.shape for item in read.frames} == {(4, 6)}
-    assert any("8x8 pixels, but the pictures of left before it have 6x4" in line for line in caplog.messages)
+        assert {item.image.shape for item in read.frames} == {(4, 6)}
+        put_until(read, session, key, lambda n: (ros_image(n, large), None), lambda: read.frames[-1].epoch)
+    assert (read.frames[-1].epoch, read.frames[-1].image.shape) == (1, (8, 8))
+    assert any("8x8 pixels are left out, for pictures of 6x4 are heard" in line for line in caplog.messages)
 
 
 def test_a_second_publisher_under_the_same_wildcard_is_left_out_and_said(prefix, caplog):
@@ -167,10 +170,11 @@ def test_an_epoch_that_the_publisher_states_never_falls(prefix):
     with network(endpoint) as session, reading(ZenohSource(settings(endpoint, prefix))) as read:
         key = f"0/{prefix}/left/png"
         put_until(read, session, key, lambda n: (PNG, said(captured_ns=n, epoch=4)), lambda: read.frames)
-        for epoch in (5, 5, 0):
-            session.put(key, PNG, attachment=said(captured_ns=1, epoch=epoch))
+        for epoch, picture in ((5, PNG), (5, PNG), (0, LARGE_PNG)):
+            session.put(key, picture, attachment=said(captured_ns=1, epoch=epoch))
         wait_for(lambda: len(read.frames) >= 4 and read.frames[-1].epoch == 2)
     assert [item.epoch for item in read.frames[-3:]] == [1, 1, 2]
+    assert read.frames[-1].image.shape == (8, 8)
 
 
 def test_a_reader_that_is_slow_loses_the_oldest_and_it_is_said(prefix, caplog):
