@@ -54,7 +54,10 @@ def nodes(host: Host) -> list[Node]:
 
 def node_at(path: Path, host: Host) -> Node | None:
     """What is at a path; None where nothing is, or what delivers no pictures (metadata, output, codecs)."""
-    real = path.resolve()
+    try:
+        real = path.resolve()
+    except (OSError, RuntimeError, ValueError):  # links in a circle, or what is no path at all
+        return None
     links = _links(real, host)
     try:
         device = host.open(real)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import permutations
 from typing import Annotated, Literal
 
 import zenoh
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.settings import Settings
 from pipeline.zenoh_network import NetworkSettings, first_words
@@ -38,3 +39,11 @@ class ZenohSourceSettings(NetworkSettings):
     type: Literal["zenoh"] = "zenoh"
     cameras: dict[CameraName, ZenohCameraSettings] = Field(min_length=1)
     frames_ahead: FramesAhead = FRAMES_AHEAD
+
+    @model_validator(mode="after")
+    def _each_hears_its_own(self) -> ZenohSourceSettings:
+        keys = {name: zenoh.KeyExpr(camera.key) for name, camera in self.cameras.items()}
+        for one, other in permutations(keys, 2):
+            if keys[one].includes(keys[other]):
+                raise ValueError(f"{one} ({keys[one]}) would hear all pictures of {other} ({keys[other]})")
+        return self

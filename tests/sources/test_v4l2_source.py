@@ -89,9 +89,11 @@ def test_a_machine_without_cameras_says_so(machine):
     assert "no camera 'usb-3': this machine has no camera (wait" in refused(machine, left="usb-3")
 
 
-def test_what_is_no_camera_is_not_taken_for_one(machine):
+@pytest.mark.parametrize("device", ["video0", "circle", "nothing\0"])
+def test_what_is_no_camera_is_not_taken_for_one(machine, device):
     machine.plug("video0", FakeCamera(capabilities=abi.CAP_STREAMING))
-    assert "video0': this machine has no camera" in refused(machine)
+    (machine.dev / "circle").symlink_to(machine.dev / "circle")
+    assert f"{device}': this machine has no camera" in refused(machine, left=device)
 
 
 def test_a_camera_can_be_given_by_serial_number_bus_and_lasting_name(machine):

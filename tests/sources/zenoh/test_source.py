@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 import zenoh
+from pydantic import ValidationError
 
 from pipeline.frame import StampOrigin
 from pipeline.zenoh_network import NetworkSettings, session_config
@@ -255,3 +256,10 @@ def test_check_says_that_a_camera_is_missing(prefix, tmp_path):
         done = syncwatch("check", "config.yaml", "--for", "3s", cwd=tmp_path)
     assert done.returncode == 3, done.stderr
     assert "right delivers nothing" in done.stdout
+
+
+@pytest.mark.parametrize("keys", [("rig/left", "rig/left"), ("rig/**", "rig/right"), ("rig/left", "rig/*")])
+def test_a_camera_that_would_hear_another_ones_pictures_is_an_error(keys):
+    cameras = {name: {"key": key, "fps": 30} for name, key in zip(("left", "right"), keys, strict=True)}
+    with pytest.raises(ValidationError, match="would hear all pictures of"):
+        ZenohSourceSettings.model_validate({"cameras": cameras})
