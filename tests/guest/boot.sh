@@ -7,7 +7,7 @@ set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)
 guest=$root/build/guest
 version=$(cat "$guest/version")
-timeout_s=${GUEST_TIMEOUT_S:-900}
+timeout_s=${GUEST_TIMEOUT_S:-1500}
 work=$(mktemp -d "$guest/boot.XXXXXX")
 trap 'rm -rf "$work"' EXIT
 results=$guest/results
