@@ -80,6 +80,8 @@ from sources.synthetic.source import SyntheticSource
 from sources.v4l2.listing import v4l2_cameras, v4l2_source
 from sources.v4l2.settings import V4l2Settings
 from sources.v4l2.source import V4l2Source
+from sources.video.settings import VideoSettings
+from sources.video.source import VideoSource
 from sources.zenoh.settings import ZenohSourceSettings
 from sources.zenoh.source import ZenohSource
 
@@ -144,6 +146,7 @@ KINDS = Kinds(
             "push": Kind(PushSettings, lambda s, _: PushSource(s)),
             "zenoh": Kind(ZenohSourceSettings, lambda s, _: ZenohSource(s)),
             "v4l2": Kind(V4l2Settings, lambda s, _: V4l2Source(s)),
+            "video": Kind(VideoSettings, lambda s, plan: VideoSource(s, base=plan.base)),
         },
         "faults": {
             "slip": Kind(SlipSettings, lambda s, c, seed, r: Slip(s.type, s, c, seed, s.frames, r)),

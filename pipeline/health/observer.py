@@ -80,7 +80,7 @@ class Observer:
         A camera whose frames wait for those of another one is not silent.
         """
         with self._lock:
-            return {camera: tuple(notes) for camera, notes in self._health.tick(now_ns, self._arrived_ns).items()}
+            return self._without_ended(self._health.tick(now_ns, self._arrived_ns))
 
     def report(self) -> Mapping[str, CameraReport]:
         with self._lock:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from pipeline.errors import InputError
 from pipeline.frame import NS_PER_S, Frame, Picture, StampOrigin
+from sources.comeback import Comeback
 from sources.v4l2.capture import Capture, Shot
 from sources.v4l2.device import Host, TroubleError
 from sources.v4l2.nodes import Node, find, find_again
@@ -16,8 +17,6 @@ from sources.v4l2.settings import V4l2CameraSettings
 from sources.v4l2.stamps import MONOTONIC
 
 log = logging.getLogger("syncwatch.sources.v4l2")
-
-FIRST_RETRY_S, RETRY_FACTOR, LONGEST_RETRY_S = 0.2, 1.5, 2.0
 
 LOOK_S = 0.1
 """How often a camera that delivers nothing looks whether it is to stop."""
@@ -79,9 +78,7 @@ class LiveCamera:
         self._told: list[str] = []
         self._epoch = 0
         self._epoch_has_frames = False
-        self._retry_s = FIRST_RETRY_S
-        self._trouble: str | None = None
-        self._down_since_ns = 0
+        self._comeback = Comeback(name, log, host.monotonic_ns)
         self._skip_said_ns: int | None = None
 
     @property
@@ -114,11 +111,10 @@ class LiveCamera:
                     self.open(self.find())
                 self._stream()
             except (TroubleError, InputError) as error:
-                self._fall(str(error))
+                wait_s = self._comeback.fell(str(error))
                 self.close()
-                if self._wait(self._retry_s):
+                if self._wait(wait_s):
                     break
-                self._retry_s = min(self._retry_s * RETRY_FACTOR, LONGEST_RETRY_S)
         self.close()
 
     def close(self) -> None:
@@ -156,7 +152,8 @@ class LiveCamera:
         return usual_ns if self._epoch_has_frames else max(usual_ns, STARTING_NS)
 
     def _deliver(self, shot: Shot, picture: Picture, exposure_ns: int | None) -> None:
-        self._rise()
+        self._epoch_has_frames = True
+        self._comeback.rose("" if self.node is None else f" at {self.node.path}")
         self.counts.frames += 1
         made_by_driver = shot.stamp.captured_ns is not None
         self._put(
@@ -182,22 +179,6 @@ class LiveCamera:
             self._skip_said_ns = shot.arrived_ns
             total = sum(self.counts.skipped.values())
             log.warning("%s: picture %d left out: %s (%d so far)", self.name, shot.sequence, reason, total)
-
-    def _fall(self, trouble: str) -> None:
-        if self._trouble is None:
-            self._down_since_ns = self._host.monotonic_ns()
-        if trouble != self._trouble:
-            log.warning("%s: %s; trying again until it works", self.name, trouble)
-        self._trouble = trouble
-
-    def _rise(self) -> None:
-        self._epoch_has_frames = True
-        self._retry_s = FIRST_RETRY_S
-        if self._trouble is not None:
-            down_s = (self._host.monotonic_ns() - self._down_since_ns) / NS_PER_S
-            where = "" if self.node is None else f" at {self.node.path}"
-            log.warning("%s: pictures again%s, after %.1f s", self.name, where, down_s)
-            self._trouble = None
 
 
 def is_stale(shot: Shot, started_ns: int) -> bool:

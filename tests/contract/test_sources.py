@@ -20,6 +20,8 @@ from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
 from sources.v4l2.settings import V4l2Settings
 from sources.v4l2.source import V4l2Source
+from sources.video.settings import VideoSettings
+from sources.video.source import VideoSource
 from sources.zenoh.settings import ZenohSourceSettings
 from sources.zenoh.source import ZenohSource
 from syncwatch.testing import ScriptedSource
@@ -29,6 +31,7 @@ from tests.programs import write_folders
 from tests.publishing import publishing
 from tests.recorded import record
 from tests.sources.v4l2_kernel import FakeCamera, Machine, Shot
+from tests.streaming import film
 
 Make = Callable[..., Source]
 
@@ -97,11 +100,19 @@ def v4l2(folder, *, endless: bool) -> Source:
     return source
 
 
-LIVE = {"pushed", "published", "v4l2"}
+def streamed(folder, *, endless: bool) -> Source:
+    for name in ("left", "right"):
+        film(folder / f"{name}.mp4", count=6, fps=10)
+    cameras = {name: f"{name}.mp4" for name in ("left", "right")}
+    return VideoSource(VideoSettings(cameras=cameras), base=folder)
+
+
+LIVE = {"pushed", "published", "v4l2", "streamed"}
 
 
 @pytest.fixture(
-    params=[synthetic, replayed, recorded, faulted, scripted, pushed, published, v4l2], ids=lambda make: make.__name__
+    params=[synthetic, replayed, recorded, faulted, scripted, pushed, published, v4l2, streamed],
+    ids=lambda make: make.__name__,
 )
 def make(request, tmp_path) -> Iterator[Make]:
     with ExitStack() as stack:
