@@ -6,6 +6,7 @@ import json
 import re
 import threading
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import cv2
@@ -48,12 +49,12 @@ class PicturesSink:
     lossless = False
     wants_frames = True
 
-    def __init__(self, settings: PicturesSettings, *, rig: str) -> None:
+    def __init__(self, settings: PicturesSettings, *, rig: str, base: Path = Path()) -> None:
         self._settings = settings
         self._rig = rig
         self._published: _Published | None = None
         self._lock = threading.Lock()
-        self._link = ZenohLink(settings, self._publish_from, name="pictures")
+        self._link = ZenohLink(settings, self._publish_from, name="pictures", base=base)
 
     def start(self) -> None:
         self._link.start()

@@ -8,6 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
+from pathlib import Path
 
 import zenoh
 
@@ -40,13 +41,15 @@ class ZenohSink:
     history: events of former runs, for subscribers of the same kind that come late. One that has been there gets them
     again, each with the id and phase it had.
 
-    Raises InputError for a rig name that cannot be part of a key, RunError when another monitor publishes this rig or,
-    if `required`, when nothing can be reached.
+    Raises InputError for a rig name that cannot be part of a key and for certificates or passwords that are no good,
+    RunError when another monitor publishes this rig or, if `required`, when nothing can be reached.
     """
 
     lossless = False
 
-    def __init__(self, settings: ZenohSettings, *, rig: str, history: Sequence[Message] = ()) -> None:
+    def __init__(
+        self, settings: ZenohSettings, *, rig: str, history: Sequence[Message] = (), base: Path = Path()
+    ) -> None:
         if not is_key_chunk(rig):
             raise InputError(
                 f"rig: '{rig}' cannot be published over Zenoh: no spaces, none of / * $ # ? and no @ first"
@@ -64,7 +67,7 @@ class ZenohSink:
         self._published: Published | None = None
         self._last_states: dict[str, str] = {}
         self._previews = settings.preview and Previews(settings.preview)
-        self._link = ZenohLink(settings, self._publish_from, name="zenoh")
+        self._link = ZenohLink(settings, self._publish_from, name="zenoh", base=base, echo=f"{self._root}/status")
 
     def start(self) -> None:
         self._link.start()
@@ -77,6 +80,7 @@ class ZenohSink:
             self._take_event(message)
         elif isinstance(report, Status):
             self._take_latest(f"{self._root}/status", message)
+            self._link.sent()
         elif isinstance(report, AlignedPair):
             self._take_latest(f"{self._root}/aligned/{report.pair}", message)
         else:

@@ -24,6 +24,9 @@ def _key_prefix(value: str) -> str:
     return value
 
 
+Prefix = Annotated[str, AfterValidator(_key_prefix)]
+
+
 class PublishingSettings(NetworkSettings):
     """How a sink takes part in Zenoh's network.
 
@@ -41,6 +44,6 @@ class ZenohSettings(PublishingSettings):
     """
 
     type: Literal["zenoh"] = "zenoh"
-    prefix: Annotated[str, AfterValidator(_key_prefix)] = "syncwatch"
+    prefix: Prefix = "syncwatch"
     verdicts: Literal["all", "changes", "none"] = "all"
     preview: PreviewSettings | None = None

@@ -28,10 +28,11 @@ SHORTEST_TOKEN = 12
     help="Who opens the page must know it (default: none on this machine, elsewhere a new one is made and printed).",
 )
 def dashboard(
-    prefix: str,
+    prefix: str | None,
     connect: tuple[str, ...],
     listen: tuple[str, ...],
     mode: str | None,
+    network: str | None,
     host: str,
     port: int,
     token: str | None,
@@ -40,7 +41,7 @@ def dashboard(
 
     Ends with Ctrl-C.
     """
-    settings = fleet_settings(prefix, connect, listen, mode)
+    settings = fleet_settings(prefix, connect, listen, mode, network)
     if token is not None and (len(token) < SHORTEST_TOKEN or not token.isascii() or not token.isprintable()):
         raise InputError(
             f"--token: expected at least {SHORTEST_TOKEN} plain characters; without it, one is made for you"

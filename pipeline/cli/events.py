@@ -14,7 +14,7 @@ import click
 from pydantic import ValidationError
 
 from pipeline.cli.common import DONE, OUT_OF_SYNC, seconds
-from pipeline.cli.fleet import fleet_options, fleet_settings
+from pipeline.cli.fleet import PREFIX, fleet_options, fleet_settings
 from pipeline.errors import InputError
 from pipeline.event_log import older, read_events
 from pipeline.fleet.listener import FleetListener
@@ -43,10 +43,11 @@ Told: TypeAlias = tuple[str, Incident]
 @click.option("--last", type=click.IntRange(min=1), default=100, show_default=True, help="How many to list at most.")
 @click.option("--json", "as_json", is_flag=True, help="A JSON object a line (syncwatch.incident.v1).")
 def events(
-    prefix: str,
+    prefix: str | None,
     connect: tuple[str, ...],
     listen: tuple[str, ...],
     mode: str | None,
+    network: str | None,
     duration: str,
     last: int,
     as_json: bool,
@@ -56,15 +57,16 @@ def events(
     PREFIX is a file that the sink `events` (or `jsonl`) wrote, or else where rigs publish (default: syncwatch).
     Exit status 3: no rig is heard.
     """
-    file = Path(prefix)
+    file = Path(prefix or PREFIX)
     if file.suffix == ".jsonl" or file.is_file():
         told, status = _of_file(file), DONE
     else:
-        with FleetListener(fleet_settings(prefix, connect, listen, mode)) as heard:
+        settings = fleet_settings(prefix, connect, listen, mode, network)
+        with FleetListener(settings) as heard:
             time.sleep(seconds(duration))
             rigs, problem = heard.fleet.rigs(), heard.problem
         if problem is not None or not rigs:
-            log.warning("%s", problem or f"no rig is heard under '{prefix}'")
+            log.warning("%s", problem or f"no rig is heard under '{settings.prefix}'")
         told = [(rig.name, incident) for rig in rigs for incident in rig.incidents]
         status = DONE if rigs else OUT_OF_SYNC
     for rig, incident in sorted(told, key=lambda one: one[1].since_ns)[-last:]:

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from pipeline.cli.common import execute, set_option
+from pipeline.cli.fleet import network_option, read_network
 from pipeline.cli.recording import DEFAULT_DETECTORS, RecordingOptions, recording_options, recording_plan
 from pipeline.errors import InputError
 
@@ -23,6 +24,7 @@ from pipeline.errors import InputError
 @click.option(
     "--connect", multiple=True, metavar="ENDPOINT", help="With --publish: the router, e.g. tcp/192.168.1.5:7447."
 )
+@network_option
 @set_option
 def replay(
     path: tuple[str, ...],
@@ -32,6 +34,7 @@ def replay(
     jsonl: str | None,
     publish: bool,
     connect: tuple[str, ...],
+    network: str | None,
     overrides: tuple[str, ...],
 ) -> int:
     """Judge the recording at PATH, every frame, at full speed, or with --publish at its own.
@@ -39,14 +42,17 @@ def replay(
     PATH is an MCAP file, a ROS 1 or ROS 2 bag, a folder in a known format (EuRoC, TUM-VI, KITTI, caliscope, depthai,
     image folders, video files), a video with both views, or one image folder or video file a camera.
     """
-    if connect and not publish:
-        raise InputError("--connect is of --publish: without it nothing is sent")
+    if not publish and (connect or network):
+        raise InputError(f"{'--connect' if connect else '--network'} is of --publish: without it nothing is sent")
     sinks: dict[str, Any] = {"console": {}}
     if jsonl is not None:
         sinks["jsonl"] = {"path": jsonl}
     if publish:
-        network = {"mode": "client", "connect": list(connect)} if connect else {}
-        sinks |= {"zenoh": network, "pictures": network}
+        access = read_network(network) if network else {}
+        prefix = {"prefix": access.pop("prefix")} if "prefix" in access else {}
+        if connect:
+            access |= {"mode": "client", "connect": list(connect)}
+        sinks |= {"zenoh": access | prefix, "pictures": access}
         overrides = ("source.speed=1.0", *overrides)
     plan = recording_plan(path, options, faults=faults, detectors=detectors, sinks=sinks, overrides=overrides)
     return execute(plan)

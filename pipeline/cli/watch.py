@@ -39,10 +39,11 @@ TELL_EVERY_S = 1.0
 @click.option("--once", is_flag=True, help="Listen for a while, say how all rigs stand, and end.")
 @click.option("--json", "as_json", is_flag=True, help="A JSON object (syncwatch.fleet.v1) a second, or just one.")
 def watch(
-    prefix: str,
+    prefix: str | None,
     connect: tuple[str, ...],
     listen: tuple[str, ...],
     mode: str | None,
+    network: str | None,
     duration: str | None,
     once: bool,
     as_json: bool,
@@ -51,7 +52,7 @@ def watch(
 
     Exit status after --once or --for: 0 all rigs are well, 3 one is not, or none is heard.
     """
-    settings = fleet_settings(prefix, connect, listen, mode)
+    settings = fleet_settings(prefix, connect, listen, mode, network)
     for_s = seconds(duration or ONCE) if duration or once else math.inf
     with _until_signals() as stop, FleetListener(settings) as heard:
         if once:

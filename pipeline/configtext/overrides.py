@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.configtext.build import Builder, Places
 from pipeline.configtext.compose import compose
 from pipeline.configtext.report import ConfigError, Path, Place, Problem, Source, argument_source, dotted, show
+from pipeline.configtext.secrets import without_secret
 
 if TYPE_CHECKING:
     import yaml
@@ -55,13 +56,15 @@ def parse_override(argument: str) -> Override:
     source = argument_source(argument)
     steps = _parse_key(key, source)
     if not equals or not steps:
-        raise ConfigError([f"--set {show(argument)}: expected KEY=VALUE, e.g. --set source.fps=10"])
+        raise ConfigError([f"--set {show(without_secret(argument))}: expected KEY=VALUE, e.g. --set source.fps=10"])
     column = _PREFIX + len(key) + 1
     # Blanks stand for the key, so that the marks are columns of the argument; lines of a block must not move.
     node, tagged = compose(source, value if "\n" in value else " " * column + value)
     if node is None and value.strip():
         hint = "put it in quotes"
-        raise ConfigError([f"--set {show(argument)}: the value is a YAML comment or empty document - {hint}"])
+        raise ConfigError(
+            [f"--set {show(without_secret(argument))}: the value is a YAML comment or empty document - {hint}"]
+        )
     return Override(source, steps, node, frozenset(tagged), Place(source.label, 1, column + 1))
 
 

@@ -9,6 +9,7 @@ import unicodedata
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from pipeline.configtext.secrets import holds_secret, is_secret, without_secret, without_values
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -68,15 +69,20 @@ class Source:
         object.__setattr__(self, "lines", _LINE_BREAK.split(self.text))
 
     def render(self, place: Place, problem: Problem) -> str:
-        """``file:line:column: error: path: message - hint``, the line and a caret below."""
+        """``file:line:column: error: path: message - hint``, the line and a caret below.
+
+        A line with a password on it, or below one, is not repeated.
+        """
         where = dotted(problem.path)
-        sentence = ": ".join(part for part in ("error", where, problem.message) if part)
+        message = without_values(problem.message) if is_secret(problem.path) else problem.message
+        sentence = ": ".join(part for part in ("error", where, message) if part)
         if problem.hint:
             sentence += f" - {problem.hint}"
         if not self.is_argument:
             header = f"{_printable(self.label)}:{place.line}:{place.column}: {sentence}"
             shown = self.lines[place.line - 1] if place.line <= len(self.lines) else ""
-            return "\n".join([header, *_excerpt(shown, place.column)]) if shown.strip() else header
+            told = shown.strip() and not any(map(holds_secret, self.lines[max(place.line - 2, 0) : place.line]))
+            return "\n".join([header, *_excerpt(shown, place.column)]) if told else header
         header = f"{self.label}: {sentence}"
         # The header begins with the argument itself: the caret can stand right below it.
         if self.label == self.text and len(self.label) <= _MAX_WIDTH:
@@ -87,7 +93,7 @@ class Source:
 def argument_source(argument: str) -> Source:
     """The source of ``--set argument``, with a label that stays on one line."""
     text = masked(f"--set {argument}")
-    label = _printable(text)
+    label = _printable(without_secret(text))
     return Source(label if len(label) <= _MAX_WIDTH else f"{label[:_MAX_WIDTH]}...", text, is_argument=True)
 
 

@@ -13,9 +13,11 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
+from pipeline.errors import InputError
 from pipeline.fleet.messages import HeardEvent, HeardStatus, HeardVerdict, read
 from pipeline.fleet.table import MAX_EVENTS, Fleet
-from pipeline.zenoh_network import RETRY_EVERY_S, first_words, is_linked, session_config
+from pipeline.zenoh_network import RETRY_EVERY_S, is_linked
+from pipeline.zenoh_reach import NOBODY, Network, first_words
 from sinks.zenoh_settings import ZenohSettings
 
 log = logging.getLogger("syncwatch.fleet")
@@ -33,13 +35,17 @@ JPEG_START = b"\xff\xd8\xff"
 
 MAX_COMPLAINTS = 100
 
+LOOK_FIRST_S, LOOK_EVERY_S = 0.5, 2.0
+"""When it is looked into why nobody is at the other end, and how often then."""
+
 
 class FleetListener:
     """Listens on a thread of its own from `start` to `stop`, and connects again whenever it is cut off.
 
     `fleet` is the table; `problem` says in words why nothing can be heard, None while something can. previews: hear
-    the cameras' small pictures as well. Nothing of it raises for the network's sake. Zenoh's handlers are polled:
-    Python callbacks on its threads can keep the program from ending.
+    the cameras' small pictures as well. Nothing of it raises for the network's sake; certificates and passwords that
+    are not there or no good are an InputError at once. Zenoh's handlers are polled: Python callbacks on its threads can
+    keep the program from ending.
     """
 
     def __init__(
@@ -52,7 +58,10 @@ class FleetListener:
         self.fleet = Fleet(monotonic_ns)
         self.problem: str | None = f"connecting to {settings.where}"
         self.settings = settings
+        self._network = Network(settings)
         self._previews = previews
+        self._why_unlinked: str | None = None
+        self._look_at_s = 0.0
         self._stopping = threading.Event()
         self._complained: set[str] = set()
         self._thread = threading.Thread(target=self._listen, name="fleet", daemon=True)
@@ -78,22 +87,35 @@ class FleetListener:
                 with ExitStack() as opened:
                     self._hear(self._open(opened))
             except zenoh.ZError as error:
-                self._cut_off(f"cannot reach {self.settings.where}: {first_words(error)}")
+                reason = self._network.why_not() or first_words(error)
+                self._cut_off(f"cannot reach {self.settings.where}: {reason}")
+            except InputError as error:
+                self._cut_off(str(error))
             self._stopping.wait(RETRY_EVERY_S)
 
     def _open(self, opened: ExitStack) -> _Ears:
-        session = opened.enter_context(zenoh.open(session_config(self.settings)))
+        session = opened.enter_context(self._network.open())
         return _Ears(session, opened, self.settings.prefix, previews=self._previews)
 
     def _hear(self, ears: _Ears) -> None:
         while not self._stopping.wait(POLL_S) and not ears.session.is_closed():
             if self.settings.connect and not is_linked(ears.session):
-                self._cut_off(f"nobody answers at {self.settings.where}")
+                self._cut_off(self._unlinked())
             elif self.problem is not None:
                 log.debug("connected to %s", self.settings.where)
                 self.problem, self.fleet.connected = None, True
             for suffix, samples in ears.each():
                 self._take(suffix, samples)
+
+    def _unlinked(self) -> str:
+        """That nobody is at the other end, and why: looked into now and then, for that takes a while."""
+        now_s = time.monotonic()
+        if self._why_unlinked is None or self.fleet.connected:
+            self._why_unlinked, self._look_at_s = NOBODY, now_s + LOOK_FIRST_S
+        elif now_s > self._look_at_s:
+            self._why_unlinked = self._network.why_not() or NOBODY
+            self._look_at_s = time.monotonic() + LOOK_EVERY_S
+        return f"cannot reach {self.settings.where}: {self._why_unlinked}"
 
     def _cut_off(self, problem: str) -> None:
         if self.problem != problem:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 from contextlib import ExitStack
+from pathlib import Path
 
 import zenoh
 
@@ -27,13 +28,14 @@ class Ros2Sink:
 
     lossless = False
 
-    def __init__(self, settings: Ros2Settings, *, rig: str) -> None:
+    def __init__(self, settings: Ros2Settings, *, rig: str, base: Path = Path()) -> None:
         self._settings = settings
         self._node = settings.node or node_name(rig)
         self._lock = threading.Lock()
         self._early: Status | None = None
         self._published: _Published | None = None
-        self._link = ZenohLink(settings, self._publish_from, name="ros2")
+        echo = wire.topic_key(settings.domain_id, humble=settings.humble)
+        self._link = ZenohLink(settings, self._publish_from, name="ros2", base=base, echo=echo)
 
     def start(self) -> None:
         self._link.start()
@@ -46,6 +48,7 @@ class Ros2Sink:
                 self._early = report
                 return
         self._published.put(report)
+        self._link.sent()
 
     def stop(self) -> None:
         self._link.stop()

@@ -9,7 +9,8 @@ import zenoh
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.settings import Settings
-from pipeline.zenoh_network import NetworkSettings, first_words
+from pipeline.zenoh_network import NetworkSettings
+from pipeline.zenoh_reach import first_words
 from sources.live import FRAMES_AHEAD, CameraName, Fps, FramesAhead
 
 
@@ -31,7 +32,7 @@ class ZenohCameraSettings(Settings):
 class ZenohSourceSettings(NetworkSettings):
     """Pictures that others publish: ROS 2 images, JPEG, PNG, or raw with an attachment (docs/zenoh-pictures.md).
 
-    mode, connect, listen: how others are found (pipeline/zenoh_network.py).
+    mode, connect, listen, tls, user, ...: how others are found (pipeline/zenoh_network.py).
     cameras:      by name, in order.
     frames_ahead: pictures of a camera that may wait; then its oldest gives way.
     """

@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeAlias
 
 import zenoh
@@ -16,7 +17,8 @@ import zenoh
 from pipeline.deadline import done_within
 from pipeline.errors import InputError
 from pipeline.frame import NS_PER_S, Camera, Frame, StampOrigin
-from pipeline.zenoh_network import NOBODY, RETRY_EVERY_S, first_words, is_linked, session_config
+from pipeline.zenoh_network import RETRY_EVERY_S, is_linked
+from pipeline.zenoh_reach import NOBODY, Network, first_words
 from sources.live import ARRIVAL_CLOCK, Inbox, feed
 from sources.replay.notices import Notices
 from sources.replay.pictures import PictureMaker
@@ -79,8 +81,16 @@ class ZenohSource:
     live = True
     frame_count = None
 
-    def __init__(self, settings: ZenohSourceSettings, *, clock_ns: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(
+        self,
+        settings: ZenohSourceSettings,
+        *,
+        base: Path = Path(),
+        clock_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
         self._settings = settings
+        self._base = base
+        self._network: Network | None = None
         self._clock_ns = clock_ns
         self._inbox: Inbox[_Arrival] = Inbox(settings.cameras, frames_ahead=settings.frames_ahead)
         self._notices = Notices(log)
@@ -91,7 +101,7 @@ class ZenohSource:
         self._kinds: set[tuple[str, str]] = set()
         self._session: zenoh.Session | None = None
         self._subscribers: dict[str, Subscriber] = {}
-        self._trouble: str | None = None
+        self._troubles: set[str] = set()
         self._stopped = threading.Event()
         self._receiver: threading.Thread | None = None
 
@@ -109,10 +119,15 @@ class ZenohSource:
         return self._refused
 
     def open(self) -> None:
-        """Starts to look for the network; it need not be there yet."""
+        """Starts to look for the network; it need not be there yet.
+
+        Raises InputError for certificates and passwords that are not there or no good.
+        """
+        try:
+            self._network = Network(self._settings, self._base)
+        except InputError as error:
+            raise InputError(f"zenoh: {error}") from None
         self._try_to_open()
-        if self._trouble is not None:
-            log.warning("zenoh: cannot reach %s yet, trying on (%s)", self._where(), self._trouble)
 
     def frames(self) -> Iterator[Frame]:
         if not self._stopped.is_set():
@@ -145,7 +160,7 @@ class ZenohSource:
                 if self._session is None:
                     self._stopped.wait(RETRY_EVERY_S)
                     continue
-                log.info("zenoh: connected to %s", self._where())
+                log.info("zenoh: connected to %s", self._settings.where)
             try:
                 self._take_what_came()
             except zenoh.ZError as error:
@@ -166,22 +181,32 @@ class ZenohSource:
                 self._inbox.put(_Arrival(camera, self._clock_ns(), key, payload, attachment))
 
     def _try_to_open(self) -> None:
+        assert self._network is not None
         self._session = None
         try:
-            session = zenoh.open(session_config(self._settings))
+            session = self._network.open()
             ahead = zenoh.handlers.RingChannel(self._settings.frames_ahead)
             self._subscribers = {
                 name: session.declare_subscriber(camera.key, ahead) for name, camera in self._settings.cameras.items()
             }
         except zenoh.ZError as error:
-            self._trouble = first_words(error)
+            self._complain(self._network.why_not() or first_words(error))
+        except InputError as error:
+            self._complain(str(error))
         else:
-            self._session, self._trouble = session, None
+            self._session = session
+            self._troubles.clear()
+
+    def _complain(self, trouble: str) -> None:
+        if trouble not in self._troubles:
+            self._troubles.add(trouble)
+            log.warning("zenoh: cannot reach %s yet, trying on (%s)", self._settings.where, trouble)
 
     def _hint(self) -> None:
         """Says of which cameras nothing has come at all."""
         assert self._session is not None
-        nobody = "" if is_linked(self._session) else f" ({self._where()}: {NOBODY})"
+        assert self._network is not None
+        nobody = "" if is_linked(self._session) else f" ({self._settings.where}: {self._network.why_not() or NOBODY})"
         for camera in self._settings.cameras:
             if camera in self._silent:
                 log.warning("%s: nothing is published on %s yet%s", camera, self._settings.cameras[camera].key, nobody)
@@ -235,6 +260,3 @@ class ZenohSource:
         if kind not in self._kinds and len(self._kinds) < MOST_KINDS:
             self._kinds.add(kind)
             log.warning("%s", sentence)
-
-    def _where(self) -> str:
-        return ", ".join(self._settings.connect or self._settings.listen) or "the local network"

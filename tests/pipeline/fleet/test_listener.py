@@ -111,7 +111,7 @@ def test_a_router_that_dies_is_said_and_nobody_is_called_gone_for_it(prefix):
             first.wait()
             seen = set()
             wait_for(lambda: seen.add(presence(listener)) or presence(listener) is Presence.UNHEARD)
-            assert listener.problem == f"nobody answers at {endpoint}"
+            assert listener.problem == f"cannot reach {endpoint}: nobody answers there"
             sink.take(event(1))
         with router(endpoint):
             wait_for(lambda: seen.add(presence(listener)) or len(listener.fleet.rig("cart").incidents) == 2, 30)
