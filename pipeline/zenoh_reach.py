@@ -58,11 +58,12 @@ class Network:
     def why_not(self) -> str:
         """Why nobody is at the other end: tries every endpoint to connect to once, which takes a second at worst each.
 
-        A session itself only ever says that it could not connect; one that tries once and gives up says why.
+        Empty where somebody is, or nobody to connect to was named. A session itself only ever says that it could not
+        connect; one that tries once and gives up says why.
         """
         found = {endpoint: self._why_not(endpoint) for endpoint in self.settings.connect}
         said = list(dict.fromkeys(reason for reason in found.values() if reason))
-        return "; ".join(said) or NOBODY
+        return "; ".join(said)
 
     def _why_not(self, endpoint: str) -> str:
         """Empty where nothing is wrong (any more)."""

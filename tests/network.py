@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import zenoh
+
 from tests.programs import ROOT
 
 EXAMPLES = ROOT / "examples"
@@ -77,3 +79,14 @@ def router(endpoint: str) -> Iterator[subprocess.Popen[str]]:
             yield process
         finally:
             process.kill()
+
+
+@contextmanager
+def routing(endpoints: list[str], example: Path | None = None, **values: Any) -> Iterator[None]:
+    """A router in this process: of a configuration file if one is given, with `values` of its own keys, __ for /."""
+    config = zenoh.Config() if example is None else zenoh.Config.from_file(str(example))
+    own = {"mode": "router", "listen/endpoints": endpoints, "scouting/multicast/enabled": False}
+    for key, value in (own | {name.replace("__", "/"): value for name, value in values.items()}).items():
+        config.insert_json5(key, json.dumps(value))
+    with zenoh.open(config):
+        yield
