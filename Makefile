@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-browser test-guest test-oak images evaluate evaluate-full accuracy classic bench clean methods
+.PHONY: help run test test-browser test-guest test-oak images evaluate evaluate-full accuracy classic bench clean methods fleet
 
 help:  ## what can be made
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "make %-13s %s\n", $$1, $$2}' Makefile
@@ -55,6 +55,9 @@ classic: $(INSTALLED)  ## score the report's detectors on the real recordings, i
 
 methods: $(INSTALLED)  ## every method of the report beside the default, into docs/methods.md (a quarter of an hour)
 	$(BIN)/python -m benchmarks.methods
+
+fleet: $(INSTALLED)  ## 300 rigs through two routers to one monitor, measured into docs/fleet.md (a few minutes)
+	$(BIN)/python -m benchmarks.fleet
 
 bench: $(INSTALLED)  ## what the content offset and rendering cost, as ratios to the report's spatial test
 	$(BIN)/python -m benchmarks.cost

@@ -47,6 +47,7 @@ class Stream:
         return self._if_changed("fleet", fleet_view(self._listener))
 
     def _about_one(self, name: str) -> list[str]:
+        self._listener.look_at(name)
         told = self._if_changed("summary", summary_view(self._listener))
         rig = self._listener.fleet.rig(name)
         told += self._if_changed("rig", {"name": name, "unheard_of": True} if rig is None else rig_view(rig))

@@ -16,6 +16,7 @@ import zenoh.ext
 from pipeline.errors import InputError
 from pipeline.fleet.messages import HeardEvent, HeardStatus, HeardVerdict, read
 from pipeline.fleet.table import MAX_EVENTS, Fleet
+from pipeline.frame import NS_PER_S
 from pipeline.zenoh_network import RETRY_EVERY_S, is_linked
 from pipeline.zenoh_reach import NOBODY, Network, first_words
 from sinks.zenoh_settings import ZenohSettings
@@ -29,7 +30,10 @@ WAITING = 4096
 """Messages of a kind that may wait between two polls. Of statuses, verdicts and pictures the oldest give way to more;
 events and tokens hold Zenoh up for the moment until the next poll."""
 
-PICTURES_WAITING = 256
+VERDICTS_WAITING = 512
+PICTURES_WAITING = 64
+"""Of one rig."""
+
 MAX_PICTURE_BYTES = 1 << 20
 JPEG_START = b"\xff\xd8\xff"
 
@@ -38,14 +42,18 @@ MAX_COMPLAINTS = 100
 LOOK_FIRST_S, LOOK_EVERY_S = 0.5, 2.0
 """When it is looked into why nobody is at the other end, and how often then."""
 
+LOOKS_ON_NS = 60 * NS_PER_S
+"""Verdicts and pictures of a rig come until nobody has looked at it for so long."""
+
 
 class FleetListener:
     """Listens on a thread of its own from `start` to `stop`, and connects again whenever it is cut off.
 
-    `fleet` is the table; `problem` says in words why nothing can be heard, None while something can. previews: hear
-    the cameras' small pictures as well. Nothing of it raises for the network's sake; certificates and passwords that
-    are not there or no good are an InputError at once. Zenoh's handlers are polled: Python callbacks on its threads can
-    keep the program from ending.
+    `fleet` is the table; `problem` says in words why nothing can be heard, None while something can. Every rig's
+    status, events and token are heard, its verdicts and pictures only while somebody looks at it: hundreds of rigs say
+    too much for one listener, and for the line to where they are. previews: hear the pictures at all. Nothing of it
+    raises for the network's sake; certificates and passwords that are not there or no good are an InputError at once.
+    Zenoh's handlers are polled: Python callbacks on its threads can keep the program from ending.
     """
 
     def __init__(
@@ -59,7 +67,9 @@ class FleetListener:
         self.problem: str | None = f"connecting to {settings.where}"
         self.settings = settings
         self._network = Network(settings)
+        self._monotonic_ns = monotonic_ns
         self._previews = previews
+        self._looked_at_ns: dict[str, int] = {}
         self._why_unlinked: str | None = None
         self._look_at_s = 0.0
         self._stopping = threading.Event()
@@ -73,6 +83,11 @@ class FleetListener:
         """Ends listening, within STOP_WITHIN_S even where a router hangs."""
         self._stopping.set()
         self._thread.join(STOP_WITHIN_S)
+
+    def look_at(self, name: str) -> None:
+        """Somebody looks at a rig now, and wants to hear all of it. Any thread; again and again while it lasts."""
+        if self.fleet.knows(name):
+            self._looked_at_ns[name] = self._monotonic_ns()
 
     def __enter__(self) -> FleetListener:
         self.start()
@@ -104,6 +119,7 @@ class FleetListener:
             elif self.problem is not None:
                 log.debug("connected to %s", self.settings.where)
                 self.problem, self.fleet.connected = None, True
+            ears.turn_to(self._looked_at())
             for suffix, samples in ears.each():
                 self._take(suffix, samples)
 
@@ -116,6 +132,14 @@ class FleetListener:
             self._why_unlinked = self._network.why_not() or NOBODY
             self._look_at_s = time.monotonic() + LOOK_EVERY_S
         return f"cannot reach {self.settings.where}: {self._why_unlinked}"
+
+    def _looked_at(self) -> set[str]:
+        before_ns = self._monotonic_ns() - LOOKS_ON_NS
+        for name, at_ns in list(self._looked_at_ns.items()):
+            if at_ns < before_ns:
+                del self._looked_at_ns[name]
+                self.fleet.forget_previews(name)
+        return set(self._looked_at_ns)
 
     def _cut_off(self, problem: str) -> None:
         if self.problem != problem:
@@ -135,6 +159,8 @@ class FleetListener:
 
     def _take_one(self, suffix: str, below: str, sample: zenoh.Sample) -> None:
         """Raises ValueError for a message that is not what its key promises."""
+        if "*" in below:
+            raise ValueError("published for many keys at once")
         name, _, part = below.rpartition("/")
         if suffix in {"verdict", "preview"}:
             name = name.rpartition("/")[0]
@@ -180,16 +206,30 @@ class _Ears:
             history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=2 * MAX_EVENTS),
             recovery=zenoh.ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
         )
-        latest = {"status": ("status", WAITING), "verdict": ("verdict/*", WAITING)}
-        if previews:
-            latest["preview"] = ("preview/*", PICTURES_WAITING)
-        for suffix, (keys, waiting) in latest.items():
-            ring = zenoh.handlers.RingChannel(waiting)
-            self._handlers[suffix] = hear(session.declare_subscriber(f"{prefix}/**/{keys}", ring))
+        self._handlers["status"] = hear(
+            session.declare_subscriber(f"{prefix}/**/status", zenoh.handlers.RingChannel(WAITING))
+        )
+        self._prefix = prefix
+        self._of_a_rig = {"verdict": VERDICTS_WAITING} | ({"preview": PICTURES_WAITING} if previews else {})
+        self._turned_to: dict[str, list[tuple[str, Any]]] = {}
+
+    def turn_to(self, names: set[str]) -> None:
+        """Hears all of these rigs, and of the others no more than what is heard of every one."""
+        for name in self._turned_to.keys() - names:
+            for _, subscriber in self._turned_to.pop(name):
+                subscriber.undeclare()
+        for name in names - self._turned_to.keys():
+            self._turned_to[name] = [
+                (suffix, self._declared(f"{self._prefix}/{name}/{suffix}/*", waiting))
+                for suffix, waiting in self._of_a_rig.items()
+            ]
+
+    def _declared(self, keys: str, waiting: int) -> Any:
+        return self.session.declare_subscriber(keys, zenoh.handlers.RingChannel(waiting))
 
     def each(self) -> list[tuple[str, Any]]:
         """What ends the keys of each kind, and where its messages wait; tokens first."""
-        return list(self._handlers.items())
+        return [*self._handlers.items(), *(heard for rig in self._turned_to.values() for heard in rig)]
 
 
 def _picture(payload: bytes) -> bytes:

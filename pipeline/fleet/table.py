@@ -171,6 +171,15 @@ class Fleet:
         with self._lock:
             return self._view(name) if name in self._rigs else None
 
+    def knows(self, name: str) -> bool:
+        with self._lock:
+            return name in self._rigs
+
+    def forget_previews(self, name: str) -> None:
+        with self._lock:
+            if name in self._rigs:
+                self._rigs[name].previews.clear()
+
     def offsets(self, name: str, since_ns: int = 0) -> Mapping[str, tuple[Point, ...]]:
         """The offset of every pair of a rig over the last minutes; the last point may still change."""
         with self._lock:

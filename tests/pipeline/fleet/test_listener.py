@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import time
@@ -15,6 +16,8 @@ from pipeline.fleet.table import Presence
 from pipeline.verdict import Basis, Cause, Event, Level, State, Status, Verdict
 from pipeline.zenoh_network import session_config
 from sinks.zenoh import ZenohSettings, ZenohSink
+from sinks.zenoh_preview import PreviewSettings
+from tests.frames import frame
 from tests.network import free_endpoint, router, wait_for
 from tests.programs import ROOT
 
@@ -55,6 +58,7 @@ def test_status_verdicts_events_and_tokens_are_heard_and_every_event_once_though
     with FleetListener(ZenohSettings(prefix=prefix)) as listener:
         wait_for(lambda: presence(listener) is Presence.ALIVE)
         wait_for(lambda: sink.take(status(Level.WARN)) or listener.fleet.rig("cart").status)
+        listener.look_at("cart")
         wait_for(lambda: sink.take(verdict(2_000_000)) or listener.fleet.offsets("cart"))
         sink.take(event(50))
         sink.take(event(50, "end"))
@@ -70,6 +74,31 @@ def test_status_verdicts_events_and_tokens_are_heard_and_every_event_once_though
         sink.stop()
         wait_for(lambda: presence(listener) is Presence.GONE)
     assert listener.problem is None
+
+
+def test_verdicts_and_pictures_are_heard_only_while_somebody_looks(prefix, monkeypatch):
+    monkeypatch.setattr("pipeline.fleet.listener.LOOKS_ON_NS", 10**8)
+    sinks = [started(prefix, rig, preview=PreviewSettings(every_s=0.1)) for rig in ("cart", "drone")]
+
+    def say_all() -> None:
+        for sink in sinks:
+            sink.take_frame(frame("left", 0))
+            sink.take(verdict(1_000_000))
+            sink.take(status())
+
+    with FleetListener(ZenohSettings(prefix=prefix), previews=True) as listener:
+        fleet = listener.fleet
+        wait_for(lambda: say_all() or all(presence(listener, rig) is Presence.ALIVE for rig in ("cart", "drone")))
+        wait_for(lambda: say_all() or all(rig.status for rig in fleet.rigs()))
+        listener.look_at("nobody")
+        wait_for(
+            lambda: listener.look_at("cart") or say_all() or (fleet.offsets("cart") and fleet.rig("cart").previews)
+        )
+        assert not fleet.offsets("drone")
+        assert not fleet.rig("drone").previews
+        wait_for(lambda: say_all() or not fleet.rig("cart").previews)
+    for sink in sinks:
+        sink.stop()
 
 
 def test_rigs_of_several_sites_are_heard_under_one_prefix(prefix):
@@ -143,17 +172,21 @@ def test_stopping_is_prompt_whether_or_not_anybody_is_there(prefix):
 
 
 def test_what_cannot_be_read_is_left_out_with_one_line_a_key(prefix, caplog):
+    sink = started(prefix)
     with FleetListener(ZenohSettings(prefix=prefix), previews=True) as listener:
-        wait_for(lambda: listener.problem is None)
+        wait_for(lambda: presence(listener) is Presence.ALIVE)
+        said = [f"{prefix}/cart/{key}" for key in ("event", "preview/left", "status", "verdict/a-b")]
         with zenoh.open(session_config(ZenohSettings())) as session:
-            for _ in range(3):
-                for key in ("status", "event", "verdict/a-b", "preview/left"):
-                    session.put(f"{prefix}/cart/{key}", b"\xff{")
-            session.put(f"{prefix}/status", b"{}")
-            wait_for(lambda: len(caplog.messages) >= 4)
-            sink = started(prefix)
-            wait_for(lambda: sink.take(status()) or presence(listener) is Presence.ALIVE)
-            sink.stop()
-    assert sorted(message.partition(":")[0] for message in caplog.messages) == [
-        f"{prefix}/cart/{key}" for key in ("event", "preview/left", "status", "verdict/a-b")
-    ]
+
+            def shout() -> None:
+                listener.look_at("cart")
+                for key in said:
+                    session.put(key, b"\xff{")
+                session.put(f"{prefix}/status", b"{}")
+                session.put(f"{prefix}/*/status", json.dumps(status().to_message()))
+
+            wait_for(lambda: shout() or len(caplog.messages) >= 5)
+            wait_for(lambda: sink.take(status()) or listener.fleet.rig("cart").status)
+        assert [rig.name for rig in listener.fleet.rigs()] == ["cart"]
+    sink.stop()
+    assert sorted(message.partition(":")[0] for message in caplog.messages) == [f"{prefix}/*/status", *said]
