@@ -54,7 +54,7 @@ from pipeline.frame import NS_PER_MS, Camera, Detector, Pair, Renderer, Rig, Sou
 from pipeline.geometry.rig import RigGeometry
 from pipeline.health.observer import Observer
 from pipeline.judge import Judge
-from pipeline.plan import Kind, Kinds, Plan
+from pipeline.plan import Kind, Kinds, Plan, Several
 from pipeline.range_error import RangeCase, range_case
 from pipeline.run import Parts
 from pipeline.status import StatusKeeper
@@ -75,6 +75,7 @@ from sources.oak.source import OakSource
 from sources.push import PushSettings, PushSource
 from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
+from sources.several import SeveralSources
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
 from sources.v4l2.listing import v4l2_cameras, v4l2_source
@@ -131,6 +132,14 @@ def _past_events(context: SinkContext) -> list[Message]:
             file = chosen.settings.file(context.plan.base, context.rig.name)
             return [one for one in read_events(file, chosen.settings.keep) if one.get("rig") == context.rig.name]
     return []
+
+
+def _several(builds: Sequence[Callable[..., Source]], settings: Several, plan: Plan) -> SeveralSources:
+    return SeveralSources(
+        [build(one, plan) for build, one in zip(builds, settings.sources, strict=True)],
+        refuse=lambda number, text: plan.document.error([Problem(("source", number), text)]),
+        pairing=plan.config.buffer,
+    )
 
 
 def version() -> str:
@@ -211,6 +220,7 @@ KINDS = Kinds(
         "detectors": lambda made: lambda s, *, name, rig, **_: made(s, name=name, rig=rig),
         "sinks": lambda made: lambda s, k: made(s, rig=k.rig),
     },
+    several=_several,
 )
 
 FINDERS: tuple[Finder, ...] = (Finder(v4l2_cameras, v4l2_source), Finder(oak_cameras, oak_source))

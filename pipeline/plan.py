@@ -6,6 +6,7 @@ import importlib
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -26,15 +27,32 @@ class Kind:
     build: Callable[..., Any]
 
 
+class Several(Settings):
+    """The settings of several sources in one rig, in order."""
+
+    sources: tuple[Settings, ...]
+
+    @property
+    def type(self) -> str:
+        return ", ".join(str(getattr(one, "type", "?")) for one in self.sources)
+
+    @property
+    def trust_stamps(self) -> bool:
+        """Whether all say so."""
+        return all(getattr(one, "trust_stamps", False) for one in self.sources)
+
+
 @dataclass(frozen=True, slots=True)
 class Kinds:
     """All kinds there are, by section of the configuration and by the `type` that names them.
 
     own: how a class of the user's (`type: my_module:MyClass`) is built, for the sections that take such.
+    several: how several sources become one: takes the builders of each, then as a builder does.
     """
 
     tables: Mapping[str, Mapping[str, Kind]]
     own: Mapping[str, Callable[[Any], Callable[..., Any]]]
+    several: Callable[..., Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +99,20 @@ def make_plan(document: Document, kinds: Kinds, base: Path) -> Plan:
     return Plan(config, source, tuple(faults), detectors, sinks, document, base)
 
 
+def name_taken(name: str, other: int) -> str:
+    """What is wrong with the name of a camera that the source of another number has, too."""
+    return f"source[{other}] has a camera '{name}', too: every camera of the rig needs a name of its own"
+
+
+def adapted(settings: Settings, values: Mapping[str, Any]) -> Settings:
+    """The settings of a source, or each of several, with other values of those that it has."""
+    if isinstance(settings, Several):
+        return Several(sources=tuple(adapted(one, values) for one in settings.sources))
+    return settings.model_copy(
+        update={name: one for name, one in values.items() if name in type(settings).model_fields}
+    )
+
+
 class _Checker:
     """Validates entries one by one and collects what is wrong with them."""
 
@@ -91,11 +123,30 @@ class _Checker:
 
     def source(self, entry: Any) -> Chosen | None:
         if isinstance(entry, list):
-            if len(entry) != 1:
-                self._problem(("source",), f"exactly one source is supported so far, not {len(entry)}")
-                return None
-            return self._chosen(("source", 0), entry[0])
+            return self._several(entry)
         return None if entry is None else self._chosen(("source",), entry)
+
+    def _several(self, entries: Sequence[Any]) -> Chosen | None:
+        if not entries:
+            self._problem(("source",), "at least one source is required, but the list is empty")
+        chosen = [self._chosen(("source", number), entry) for number, entry in enumerate(entries)]
+        known = [one for one in chosen if one is not None]
+        if len(known) < max(len(entries), 1):
+            return None
+        if len(known) == 1:
+            return known[0]
+        self._refuse_names([one.settings for one in known])
+        settings = Several(sources=tuple(one.settings for one in known))
+        return Chosen(settings, partial(self._kinds.several, [one.build for one in known]))
+
+    def _refuse_names(self, sources: Sequence[Settings]) -> None:
+        """Names of cameras that settings tell, given by two sources; the others show when they are opened."""
+        first: dict[str, int] = {}
+        for number, settings in enumerate(sources):
+            cameras = getattr(settings, "cameras", None)
+            for name in cameras if isinstance(cameras, dict) else getattr(settings, "camera_names", ()):
+                if first.setdefault(name, number) != number:
+                    self._problem(("source", number, "cameras", name), name_taken(name, first[name]))
 
     def listed(self, section: str, entries: Any) -> list[Chosen]:
         if not isinstance(entries, list):

@@ -29,7 +29,7 @@ def config_schema(kinds: Kinds) -> dict[str, Any]:
         for section, table in kinds.tables.items()
     }
     entry = {section: {"anyOf": [*_typed(refs[section]), *([OWN] if section in kinds.own else [])]} for section in refs}
-    properties["source"] = {"anyOf": [entry["source"], {"type": "array", "items": entry["source"]}]}
+    properties["source"] = {"anyOf": [entry["source"], {"type": "array", "items": entry["source"], "minItems": 1}]}
     properties["faults"] = {"type": "array", "items": entry["faults"], "default": []}
     for section in ("detectors", "sinks"):
         named = {name: {"anyOf": [ref, {"type": "null"}]} for name, ref in refs[section].items()}

@@ -14,7 +14,7 @@ from pipeline.assemble import KINDS, assemble, build_source
 from pipeline.config import PairSettings
 from pipeline.detectors.offset.settings import OffsetSettings
 from pipeline.frame import NS_PER_MS, NS_PER_S, Camera, Frame, Pair, Rig, Source
-from pipeline.plan import Chosen, Plan
+from pipeline.plan import Chosen, Plan, adapted
 from pipeline.run import Run
 from pipeline.selftest.findings import Row
 from pipeline.verdict import Report, State, Verdict
@@ -90,9 +90,7 @@ class TwoCameras:
 
 def open_footage(plan: Plan) -> Source:
     """The plan's source, open, to be run once and at full speed. Raises InputError."""
-    once = {"speed": "max", "loop": False}
-    known = {name: value for name, value in once.items() if name in type(plan.source.settings).model_fields}
-    settings = plan.source.settings.model_copy(update=known)
+    settings = adapted(plan.source.settings, {"speed": "max", "loop": False})
     source = build_source(replace(plan, source=replace(plan.source, settings=settings)), know_truth=True)
     source.open()
     return source

@@ -121,12 +121,16 @@ class SyntheticSettings(Settings):
             for i, camera in enumerate(cameras)
         )
 
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        return tuple(camera.name for camera in self.rig)
+
     @model_validator(mode="after")
     def _fits_together(self) -> SyntheticSettings:
         count = self.cameras if isinstance(self.cameras, int) else len(self.cameras)
         if not 2 <= count <= 64:
             raise ValueError(f"a rig needs 2 to 64 cameras, not {count}")
-        names = [camera.name for camera in self.rig]
+        names = self.camera_names
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"two cameras are named {', '.join(twice)}; every camera needs a name of its own")

@@ -10,12 +10,15 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
+from pipeline.buffer import BufferSettings
+from pipeline.errors import InputError
 from pipeline.faults.seq_offset import SeqOffset, SeqOffsetSettings
 from pipeline.faults.source import FaultedSource
 from pipeline.frame import Frame, Source
 from sources.push import PushSettings, PushSource
 from sources.replay.settings import ReplaySettings
 from sources.replay.source import ReplaySource
+from sources.several import SeveralSources
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
 from sources.v4l2.settings import V4l2Settings
@@ -107,11 +110,52 @@ def streamed(folder, *, endless: bool) -> Source:
     return VideoSource(VideoSettings(cameras=cameras), base=folder)
 
 
-LIVE = {"pushed", "published", "v4l2", "streamed"}
+def one_of(camera: str, *, endless: bool) -> PushSource:
+    source = PushSource(PushSettings(cameras={camera: 10}))
+    source.attach()
+    for n in range(5):
+        source.push(camera, np.full((4, 6), 100, np.uint8), captured_ns=n)
+    if not endless:
+        source.finish()
+    return source
+
+
+def several_live(_, *, endless: bool) -> Source:
+    return several([one_of(camera, endless=endless) for camera in ("left", "right")])
+
+
+def several_recorded(_, *, endless: bool) -> Source:
+    """Two recordings, of which one is waited for."""
+    wait = [threading.Event()] if endless else []
+    return several(
+        [
+            ScriptedSource([camera], [*(frame(camera.name, n * PERIOD_NS, n) for n in range(5)), *wait])
+            for camera in RIG.cameras
+        ]
+    )
+
+
+def several(sources: list[Source]) -> Source:
+    return SeveralSources(sources, refuse=lambda _, text: InputError(text), pairing=BufferSettings())
+
+
+LIVE = {"pushed", "published", "v4l2", "streamed", "several_live"}
 
 
 @pytest.fixture(
-    params=[synthetic, replayed, recorded, faulted, scripted, pushed, published, v4l2, streamed],
+    params=[
+        synthetic,
+        replayed,
+        recorded,
+        faulted,
+        scripted,
+        pushed,
+        published,
+        v4l2,
+        streamed,
+        several_live,
+        several_recorded,
+    ],
     ids=lambda make: make.__name__,
 )
 def make(request, tmp_path) -> Iterator[Make]:
