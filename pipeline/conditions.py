@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import uuid
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from pipeline.frame import NS_PER_MS, Rig
 from pipeline.health.observer import Observation
@@ -19,6 +21,21 @@ CAMERA_CONDITIONS = {
     Note.BLURRED: "has become blurred against its own past",
 }
 """Conditions of a camera that are events of their own; being frozen or missing is told of its pairs."""
+
+
+class Often(NamedTuple):
+    """What happens to single frames and is an event once it has happened `times` within so many windows."""
+
+    times: int
+    windows: int
+    words: str
+
+
+HAPPENINGS = {
+    Note.DROP: Often(3, 30, "keeps losing frames"),
+    Note.RESTARTED: Often(1, 5, "was started anew, or its clock was set"),
+}
+"""They end when so many windows have passed without it."""
 
 LASTING_WINDOWS = 5
 """Windows in a row with or without a condition that begin or end its event: a single black frame is no event."""
@@ -50,6 +67,7 @@ class Conditions:
         self._open: dict[tuple[str, str], Event] = {}
         self._told: dict[str, Verdict] = {}
         self._counted: dict[tuple[str, str], _Counted] = {}
+        self._lately: dict[tuple[str, str], deque[bool]] = {}
 
     @property
     def open(self) -> Sequence[Event]:
@@ -85,6 +103,19 @@ class Conditions:
                     counted.windows = 0
                     text = f"{camera} {words}"
                     events.append(self._flip(key, text, counted.since_ns, camera=camera))
+        for camera, notes in seen.moment.items():
+            events += self._happened(camera, notes)
+        return events
+
+    def _happened(self, camera: str, notes: Sequence[Note]) -> list[Event]:
+        """Takes the notes of a camera's next frame."""
+        events = []
+        for note, often in HAPPENINGS.items():
+            key = (note.value, camera)
+            lately = self._lately.setdefault(key, deque(maxlen=often.windows))
+            lately.append(note in notes)
+            if (key in self._open and not any(lately)) or (key not in self._open and sum(lately) >= often.times):
+                events.append(self._flip(key, f"{camera} {often.words}", self._wall_ns(), camera=camera))
         return events
 
     def tell(self, kind: str, pair: str, phase: str, worst: Mapping[str, float | None], text: str) -> Event | None:

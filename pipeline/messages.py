@@ -126,7 +126,7 @@ class EventShape(Shape):
     id: str
     """The same for an onset and its end."""
     kind: str
-    """async, swapped, geometry_shift, dark, saturated, blurred."""
+    """async, swapped, geometry_shift, dark, saturated, blurred, drop, restarted."""
     phase: Literal["onset", "end"]
     pair: str | None
     camera: str | None

@@ -8,7 +8,7 @@ from enum import Enum
 class Note(str, Enum):
     """What is written beside a verdict, and what events of a camera are called.
 
-    Of one moment: drop, duplicate_timestamp, backward_timestamp, duplicate_frame, counter_reset, unpaired.
+    Of one moment: drop, duplicate_timestamp, backward_timestamp, duplicate_frame, counter_reset, restarted, unpaired.
     Lasting: all others.
     """
 
@@ -18,6 +18,7 @@ class Note(str, Enum):
     BACKWARD_TIMESTAMP = "backward_timestamp"
     DUPLICATE_FRAME = "duplicate_frame"
     COUNTER_RESET = "counter_reset"
+    RESTARTED = "restarted"
     JITTER = "jitter"
     CLOCK_EPOCH = "clock_epoch"
     CLOCK_DRIFT = "clock_drift"

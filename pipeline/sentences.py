@@ -23,6 +23,7 @@ NOTE_WORDS: Mapping[str, str] = {
     Note.BACKWARD_TIMESTAMP: "stamps went backward",
     Note.DUPLICATE_FRAME: "a frame was delivered twice",
     Note.COUNTER_RESET: "a counter of frames began anew",
+    Note.RESTARTED: "a camera was started anew, or its clock was set",
     Note.JITTER: "stamps are noisy",
     Note.CLOCK_EPOCH: "the cameras' clocks count from different moments",
     Note.CLOCK_DRIFT: "the cameras' clocks run at different rates",

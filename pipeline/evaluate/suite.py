@@ -50,7 +50,7 @@ class Expected(Settings):
 
     state: State
     cause: Cause | None = None
-    event: Literal["dark", "saturated", "blurred", "swapped", "geometry_shift"] | None = None
+    event: Literal["dark", "saturated", "blurred", "swapped", "geometry_shift", "drop", "restarted"] | None = None
     camera: str = "right"
     notes: tuple[Note, ...] = ()
     unknown: bool = False

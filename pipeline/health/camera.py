@@ -207,6 +207,7 @@ class CameraHealth:
             return False
         if last is not None and frame.epoch > last.epoch:
             self._counts.restarts += 1
+            notes.append(Note.RESTARTED)
             self._counter.restart()
             self._cadence.restart()
             last = None

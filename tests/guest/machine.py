@@ -158,6 +158,10 @@ class Watched:
         """The first frames of a camera, in that epoch."""
         return self.until(lambda: len(self.of(camera, epoch)) >= count and self.of(camera, epoch)[:count])
 
+    def begun(self, kind: str, camera: str) -> list[Event]:
+        """Events of a camera that have begun."""
+        return [one for one in self.events if (one.kind, one.camera, one.phase) == (kind, camera, "onset")]
+
     def wrongly_missing(self, camera: str) -> list[Event]:
         """Events that a camera is missing though its pictures came: an emulated machine may itself stand still."""
         arrived_ns = [one.arrived_ns for one in self.of(camera)]

@@ -67,7 +67,8 @@ def test_lost_frames_are_counted_for_the_camera_that_lost_them(vivid):
         lost = run.of("right")[-1].sequence + 1 - len(run.of("right"))
         run.until(lambda: run.status and run.status.cameras["right"].drops >= lost // 2)
         assert run.status.cameras["right"].drops > 2 * run.status.cameras["left"].drops
-        assert any("drop" in verdict.notes for verdict in run.verdicts)
+        run.until(lambda: run.begun("drop", "right"))
+        run.until(lambda: [one for one in run.events if (one.kind, one.camera, one.phase) == ("drop", "right", "end")])
 
 
 def test_a_silent_camera_is_missing_and_opened_anew_until_it_is_back(vivid):
@@ -120,6 +121,11 @@ def test_a_damaged_buffer_is_left_out_and_is_a_gap_of_one(vivid):
         assert {one.epoch for one in run.of("right")} == {0}
         gaps_agree(stamps(run.of("right")), PERIOD_NS)
         run.until(lambda: any("drop" in verdict.notes for verdict in run.verdicts))
+        for _ in range(2):
+            count = len(run.of("right"))
+            control(RIGHT, inject_v4l2_buf_flag_error=1)
+            run.until_frames("right", count + 5)
+        run.until(lambda: run.begun("drop", "right"))
 
 
 def test_a_fatal_error_while_streaming_is_survived(vivid):
@@ -132,6 +138,8 @@ def test_a_fatal_error_while_streaming_is_survived(vivid):
         assert any("right: reading from it failed: Input/output error" in text for text in run.log)
         run.until(lambda: run.status and run.status.cameras["right"].restarts == 1)
         assert run.status.cameras["left"].restarts == 0
+        run.until(lambda: run.begun("restarted", "right"))
+        assert not run.begun("restarted", "left")
 
 
 @pytest.mark.parametrize(
@@ -149,6 +157,7 @@ def test_a_camera_that_refuses_to_start_again_is_asked_until_it_does(vivid, faul
         run.until_frames("right", 5, epoch=1)
         assert any(words in text for text in run.log)
         assert {one.epoch for one in run.of("left")} == {0}
+        run.until(lambda: run.begun("restarted", "right"))
 
 
 def test_a_buffer_that_is_refused_is_survived(vivid):
@@ -157,6 +166,7 @@ def test_a_buffer_that_is_refused_is_survived(vivid):
         control(RIGHT, inject_vidioc_qbuf_error=1)
         run.until_frames("right", 5, epoch=1)
         assert any("right: giving a buffer back failed: Invalid argument" in text for text in run.log)
+        run.until(lambda: run.begun("restarted", "right"))
 
 
 def test_a_camera_that_is_disconnected_comes_back(vivid):
@@ -166,6 +176,8 @@ def test_a_camera_that_is_disconnected_comes_back(vivid):
         run.until_frames("right", 10, epoch=1)
         assert any(text.startswith("right: it is gone") for text in run.log)
         assert {one.epoch for one in run.of("left")} == {0}
+        run.until(lambda: run.begun("restarted", "right"))
+        assert not run.begun("restarted", "left")
         assert not run.wrongly_missing("left")
 
 

@@ -161,3 +161,21 @@ def test_events_alternate_and_never_outnumber_changes(letters):
     phases = [phase for phase, _ in events(letters)[0]]
     assert phases == ["onset", "end"] * (len(phases) // 2)
     assert len(phases) <= len(letters) // CONFIRM * 2
+
+
+def told_of(notes: list[tuple[Note, ...]]) -> list[tuple[int, str, str]]:
+    """Frame, kind and phase of each event that frames of the right camera with these notes make."""
+    conditions = Conditions(RIG, lambda: 7)
+    made = [(n, event) for n, each in enumerate(notes) for event in conditions.observe(Observation({"right": each}))]
+    assert {event.camera for _, event in made} <= {"right"}
+    return [(n, event.kind, event.phase) for n, event in made]
+
+
+def test_a_camera_that_keeps_losing_frames_is_an_event_and_one_loss_is_none():
+    lost, well = (Note.DROP,), ()
+    assert told_of([lost, *[well] * 40, lost, lost, *[well] * 40]) == []
+    assert told_of([lost, *[well] * 10, lost, lost, *[well] * 40]) == [(12, "drop", "onset"), (42, "drop", "end")]
+
+
+def test_a_camera_that_was_started_anew_is_an_event_at_once():
+    assert told_of([(), (Note.RESTARTED,), *[()] * 9]) == [(1, "restarted", "onset"), (6, "restarted", "end")]

@@ -187,7 +187,7 @@ def test_ids_that_jump_while_time_does_not_are_a_reset():
 def test_an_epoch_starts_counters_and_stamps_anew():
     frames = stream(range(100)) + stream(range(100), epoch=1)
     report, notes = seen(frames)
-    assert (report.restarts, report.drops, notes) == (1, 0, {})
+    assert (report.restarts, report.drops, notes) == (1, 0, {100: (Note.RESTARTED,)})
     late, _ = seen([*frames, replace(frames[99])])
     assert late.out_of_order == 1
 
