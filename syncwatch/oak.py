@@ -9,7 +9,7 @@ from typing import Any
 from pipeline.errors import InputError
 from pipeline.frame import StampReference
 from sources.oak.library import load
-from sources.oak.message import read_message
+from sources.oak.message import clock_name, read_message
 from sources.oak.settings import Clock
 from syncwatch.monitor import Monitor
 
@@ -35,10 +35,12 @@ class Tap(HostNode):
         self._monitor: Monitor | None = None
         self._camera = ""
         self._clock: Clock = "device"
+        self._epoch = 0
+        self._sequence = 0
         self._refused: set[str] = set()
 
-    def build(self, monitor: Monitor, camera: str, clock: Clock) -> Tap:
-        self._monitor, self._camera, self._clock = monitor, camera, clock
+    def build(self, monitor: Monitor, camera: str, clock: Clock, epoch: int) -> Tap:
+        self._monitor, self._camera, self._clock, self._epoch = monitor, camera, clock, epoch
         return self
 
     def run(self) -> None:
@@ -54,13 +56,16 @@ class Tap(HostNode):
         assert self._monitor is not None
         try:
             said = read_message(message, self._clock)
+            self._epoch += said.sequence < self._sequence
+            self._sequence = said.sequence
             self._monitor.push(
                 self._camera,
                 said.image,
                 said.captured_ns,
                 said.sequence,
                 said.exposure_ns,
-                clock="oak",
+                clock=clock_name(self._clock, "oak"),
+                epoch=self._epoch,
                 stamp_reference=StampReference.END,
                 copy=False,
             )
@@ -70,7 +75,9 @@ class Tap(HostNode):
                 log.warning("%s", error)
 
 
-def tap(pipeline: Any, monitor: Monitor, outputs: Mapping[str, Any], *, clock: Clock = "device") -> list[Tap]:
+def tap(
+    pipeline: Any, monitor: Monitor, outputs: Mapping[str, Any], *, clock: Clock = "device", epoch: int = 0
+) -> list[Tap]:
     """Taps outputs of cameras, by the monitor's names for them, before the pipeline is started.
 
     ::
@@ -79,12 +86,14 @@ def tap(pipeline: Any, monitor: Monitor, outputs: Mapping[str, Any], *, clock: C
             taps = tap(pipeline, monitor, {"left": left.requestOutput(...), "right": right.requestOutput(...)})
             pipeline.start()
 
-    clock: `device` for the cameras of one OAK, `host` or `ptp` for those of several. The pipeline is not slowed down: a
-    tap that cannot keep up loses frames, which shows as drops. Keep what is returned as long as the pipeline runs.
+    clock: `device` for the cameras of one OAK, `host` or `ptp` for those of several. epoch: is to rise where a monitor
+    goes on with a pipeline that is started anew; when a counter falls, it rises by itself. The pipeline is not slowed
+    down: a tap that cannot keep up loses frames, which shows as drops. Keep what is returned as long as the pipeline
+    runs.
     """
     taps = []
     for camera, output in outputs.items():
-        node = pipeline.create(Tap).build(monitor, camera, clock)
+        node = pipeline.create(Tap).build(monitor, camera, clock, epoch)
         output.link(node.input)
         taps.append(node)
     return taps

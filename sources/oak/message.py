@@ -7,6 +7,7 @@ from datetime import timedelta
 from typing import Any
 
 from pipeline.errors import InputError
+from sources.live import ARRIVAL_CLOCK
 from sources.oak.settings import Clock
 from sources.ros_images import Raw
 
@@ -32,6 +33,11 @@ def read_message(message: Any, clock: Clock) -> Said:
     except (RuntimeError, ValueError) as error:
         raise InputError(f"a frame of type {message.getType().name} cannot be read: {error}") from None
     return Said(image, message.getSequenceNum(), _captured_ns(message, clock), exposure_ns or None)
+
+
+def clock_name(clock: Clock, device: str) -> str:
+    """What the clock is called in frames: cameras of clocks of one name are compared directly."""
+    return {"device": device, "host": ARRIVAL_CLOCK, "ptp": "ptp"}[clock]
 
 
 def to_ns(since: timedelta) -> int:

@@ -14,10 +14,10 @@ from typing import Any, TypeAlias
 from pipeline.deadline import done_within
 from pipeline.errors import InputError, SyncwatchError
 from pipeline.frame import NS_PER_S, Camera, Frame, StampOrigin, StampReference
-from sources.live import ARRIVAL_CLOCK, Inbox, feed
+from sources.live import Inbox, feed
 from sources.oak.device import Built, NotThereError, build_on_device
 from sources.oak.library import load
-from sources.oak.message import read_message
+from sources.oak.message import clock_name, read_message
 from sources.oak.settings import OakDeviceSettings, OakSettings
 from sources.replay.notices import Notices
 from sources.replay.pictures import PictureMaker
@@ -202,7 +202,7 @@ class OakSource:
                 camera=camera,
                 sequence=said.sequence,
                 captured_ns=said.captured_ns,
-                clock={"device": f"oak-{device.name}", "host": ARRIVAL_CLOCK, "ptp": "ptp"}[clock],
+                clock=clock_name(clock, f"oak-{device.name}"),
                 arrived_ns=arrived_ns,
                 image=image,
                 epoch=device.epoch + device.restarts.get(camera, 0),

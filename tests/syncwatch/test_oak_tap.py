@@ -46,6 +46,12 @@ def test_what_the_device_says_is_judged(right_us, state):
     assert numbered[-1].sequence["left"] == numbered[-1].sequence["right"]
 
 
+def test_a_counter_that_falls_is_a_restart_of_the_camera():
+    with Monitor(CONFIG, CAMERAS) as monitor, tapped(monitor, [*shots(20), *shots(20)]) as rig:
+        assert rig.done.wait(10)
+    assert {name: camera.restarts for name, camera in monitor.status.cameras.items()} == {"left": 1, "right": 1}
+
+
 def test_a_camera_that_delivers_nothing_is_missing():
     with Monitor(CONFIG, CAMERAS) as monitor, tapped(monitor, shots(150, right=False)):
         wait_for(lambda: [one for one in monitor.verdicts(timeout_s=0) if one.cause is Cause.MISSING])
