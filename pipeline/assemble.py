@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
+from pathlib import Path
 from typing import TextIO
 
 from pipeline.align import Aligner
@@ -285,6 +286,7 @@ def assemble(
 
     console: where sinks that talk to people print. on_report: called with everything that sinks get, before they do.
     """
+    _keep_what_is_read(plan)
     rig = build_rig(plan, source)
     config = plan.config
     context = SinkContext(plan, rig, source.frame_count, console, source.live, wall_ns, monotonic_ns)
@@ -320,6 +322,16 @@ def assemble(
         sinks=sinks,
         on_report=on_report,
     )
+
+
+def _keep_what_is_read(plan: Plan) -> None:
+    """Raises InputError for a sink that would write over the recording that is read."""
+    read = [plan.base / path for path in getattr(plan.source.settings, "paths", ())]
+    for name, chosen in plan.sinks.items():
+        told = getattr(chosen.settings, "path", None) or "-"
+        target = plan.base / Path(told.replace("{rig}", plan.config.rig)).expanduser()
+        if told != "-" and target.exists() and any(one.exists() and target.samefile(one) for one in read):
+            raise InputError(f"sinks.{name}: {target} is what is read, which is never changed: name another file")
 
 
 def _ranges(plan: Plan, rig: Rig) -> Mapping[str, RangeCase]:

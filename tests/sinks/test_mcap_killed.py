@@ -2,53 +2,83 @@
 
 from __future__ import annotations
 
+import os
 import random
 import resource
 import signal
 import subprocess
 import sys
-
-import pytest
+import time
 
 from tests.programs import ROOT, inside, lines_of
 from tests.recorded import replayed, salvaged
 
 FPS = 30
 
-RECORDER = f"""
-import sys
+RECORDERS = f"""
+import os, sys
 import numpy as np
 from pathlib import Path
 from pipeline.frame import Frame
 from tests.frames import RIG
 from tests.recorded import Clock, mcap_sink
 
-clock = Clock()
-sink = mcap_sink(Path(sys.argv[1]), clock=clock, live=True, chunk_bytes=int(sys.argv[2]))
-sink.start()
 noise = np.random.default_rng(0).integers(0, 256, (1000, 48, 64), np.uint8)
-for number in range(100_000):
-    clock.now_ns = number * 1_000_000_000 // {FPS}
-    for camera in ("left", "right"):
-        sink.take_frame(Frame(camera, number, clock(), "rig", clock(), noise[number % 1000], group=number))
-    print(number, flush=True)
+
+def record(path, chunk_bytes, progress):
+    clock = Clock()
+    sink = mcap_sink(path, clock=clock, live=True, chunk_bytes=chunk_bytes)
+    sink.start()
+    for number in range(100_000):
+        clock.now_ns = number * 1_000_000_000 // {FPS}
+        for camera in ("left", "right"):
+            sink.take_frame(Frame(camera, number, clock(), "rig", clock(), noise[number % 1000], group=number))
+        os.pwrite(progress, b"%9d" % number, 0)
+
+for line in sys.stdin:
+    path, chunk_bytes = line.split()
+    progress = os.open(path + ".progress", os.O_CREAT | os.O_RDWR)
+    recorder = os.fork()
+    if recorder == 0:
+        record(Path(path), int(chunk_bytes), progress)
+    print(recorder, flush=True)
+    os.waitpid(recorder, 0)
+    print("gone", flush=True)
 """
+"""Forks a recorder for each line it reads, a path and the size of chunks; each tells the last frame it has taken."""
+
+KILLED = 20
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_killed_at_any_moment_it_leaves_all_but_the_last_second(tmp_path, seed):
-    rng = random.Random(seed)
-    path = tmp_path / "a.mcap"
-    command = [sys.executable, "-c", RECORDER, str(path), str(rng.choice([20_000, 1_000_000]))]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as recorder:
-        until = rng.randrange(2 * FPS, 20 * FPS)
-        for line in recorder.stdout:
-            if int(line) >= until:
-                recorder.send_signal(signal.SIGKILL)
-                break
-        taken = max([until, *map(int, recorder.stdout.read().split())])
+def test_killed_at_any_moment_it_leaves_all_but_the_last_second(tmp_path):
+    rng = random.Random(0)
+    command = [sys.executable, "-c", RECORDERS]
+    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as recorders:
+        for run in range(KILLED):
+            path = tmp_path / f"{run}.mcap"
+            recorders.stdin.write(f"{path} {rng.choice([20_000, 1_000_000])}\n")
+            recorders.stdin.flush()
+            recorder = int(recorders.stdout.readline())
+            until = rng.randrange(2 * FPS, 8 * FPS)
+            while progress(path) < until and recorders.poll() is None:
+                time.sleep(rng.random() / 100)
+            os.kill(recorder, signal.SIGKILL)
+            assert recorders.stdout.readline() == "gone\n"
+            check_all_but_the_last_second(path, progress(path))
+            path.unlink()
+        recorders.stdin.close()
+
+
+def progress(path):
+    """The number of the last frame that was taken."""
+    told = path.with_name(f"{path.name}.progress").read_text()
+    return int(told) if told else -1
+
+
+def check_all_but_the_last_second(path, taken):
+    messages = salvaged(path)
     for name in ("left", "right"):
-        numbers = [message.sequence for message in salvaged(path)[f"/{name}/image"]]
+        numbers = [message.sequence for message in messages[f"/{name}/image"]]
         assert numbers == list(range(len(numbers)))
         assert len(numbers) >= taken - FPS
     back = replayed(path)

@@ -101,6 +101,19 @@ def test_a_recorder_that_is_killed_leaves_a_recording(tmp_path):
     assert "a.mcap has no end, as after a recorder that was killed: it is read up to its last whole piece" in line
 
 
+@pytest.mark.parametrize(
+    "command", [["record", "in.mcap", "-o", "in.mcap", "--force"], ["replay", "in.mcap", "--jsonl", "in.mcap"]]
+)
+def test_what_is_read_is_never_written_over(recorded, tmp_path, command):
+    folder, _ = recorded
+    before = (folder / "cart7.mcap").read_bytes()
+    (tmp_path / "in.mcap").write_bytes(before)
+    done = inside(*command, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, ""), done.stderr
+    assert "in.mcap is what is read, which is never changed: name another file" in done.stderr
+    assert (tmp_path / "in.mcap").read_bytes() == before
+
+
 def salvaged_images(path):
     return salvaged(path)["/left/image"] if path.exists() else []
 
