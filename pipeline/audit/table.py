@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import TextIO
 
+from rich.box import HEAVY_HEAD, SIMPLE
 from rich.markup import escape
 from rich.table import Table
 
@@ -23,6 +24,11 @@ BROKEN, NOT_JUDGED = "broken", "not judged"
 DAMAGE = re.compile(r": damaged | has no end|not indexed| ends after ")
 """Warnings that a recording was not read to its end."""
 
+WIDE = 140
+"""Letters from which all columns fit beside one another."""
+
+LEFT_OUT_WHERE_NARROW = {"cameras", "length", "why"}
+NUMBERS = {"cameras", "frames", "length", "offset", "judged"}
 HEADER = ("path", "pair", "start_s", "stop_s", "first_frame", "last_frame", "state", "cause", "offset_ms")
 
 
@@ -40,14 +46,19 @@ def headline(records: Sequence[AuditShape]) -> str:
     return f"{len(records)} recording{'s' * (len(records) != 1)}: {', '.join(told)}"
 
 
-def table(records: Sequence[AuditShape]) -> Table:
-    made = Table("recording", "format", "cameras", "frames", "length", "answer", "cause", "offset", "judged", "why")
-    for place in (2, 3, 4, 7, 8):
-        made.columns[place].justify = "right"
-    made.columns[0].overflow = made.columns[9].overflow = "fold"
+def table(records: Sequence[AuditShape], width: int) -> Table:
+    """width: of the terminal, in letters. Where that is too narrow for the last column, `reasons` tell the same."""
+    wide = width >= WIDE
+    heads = ["recording", "format", "cameras", "frames", "length", "answer", "cause", "offset", "judged", "why"]
+    kept = [place for place, head in enumerate(heads) if wide or head not in LEFT_OUT_WHERE_NARROW]
+    made = Table(*(heads[place] for place in kept), box=HEAVY_HEAD if wide else SIMPLE, pad_edge=wide)
+    for column in made.columns:
+        column.justify = "right" if column.header in NUMBERS else "left"
+        column.overflow = "fold"
+        column.no_wrap = column.header not in {"recording", "why"}
     for record, name in zip(records, _names(records), strict=True):
         known = bool(record.frames)
-        made.add_row(
+        cells = (
             escape(printable(name)),
             record.format or "",
             str(len(record.cameras) or ""),
@@ -59,7 +70,16 @@ def table(records: Sequence[AuditShape]) -> Table:
             f"{100 * record.coverage:.0f} %" if known else "",
             escape(printable(_why(record))),
         )
+        made.add_row(*(cells[place] for place in kept))
     return made
+
+
+def reasons(records: Sequence[AuditShape], width: int) -> list[str]:
+    """What the table leaves out where it is narrow, a line a recording that there is something to say of."""
+    if width >= WIDE:
+        return []
+    told = zip(_names(records), map(_why, records), strict=True)
+    return [printable(f"{name}: {why}") for name, why in told if why]
 
 
 def write_segments(file: TextIO, records: Iterable[AuditShape]) -> None:
@@ -81,11 +101,16 @@ def printable(text: str) -> str:
 
 def _why(record: AuditShape) -> str:
     if record.error is not None:
-        return record.error.removeprefix(f"{record.path}: ")
+        return _within(record, record.error)
     damage = next((warning for warning in record.warnings if DAMAGE.search(warning)), None)
     if damage is not None:
-        return damage.removeprefix(record.path).lstrip(": ")
+        return _within(record, damage)
     return REASON_WORDS[record.reason] if record.reason is not None and record.state is State.UNKNOWN else ""
+
+
+def _within(record: AuditShape, text: str) -> str:
+    """The text without the path of the recording that it is told of anyway."""
+    return text.replace(f"{record.path}/", "").removeprefix(record.path).lstrip(": ")
 
 
 def _names(records: Sequence[AuditShape]) -> list[str]:

@@ -23,7 +23,7 @@ from pipeline.audit.find import find
 from pipeline.audit.journal import Journal, check_folder, journal
 from pipeline.audit.local import judge_here
 from pipeline.audit.remote import is_url, tasks_at
-from pipeline.audit.table import headline, printable, said, table, write_segments
+from pipeline.audit.table import headline, printable, reasons, said, table, write_segments
 from pipeline.audit.task import Task, effort, file_facts, fingerprint, settings_fingerprint
 from pipeline.cli.common import CANNOT_TELL, DONE, OUT_OF_SYNC, set_option
 from pipeline.cli.output import output_file
@@ -43,6 +43,7 @@ Judges: TypeAlias = Callable[[Sequence[Task], Callable[[], bool]], Generator[tup
 
 SEGMENTS, SUMMARY = "segments.csv", "summary.txt"
 TABLE_WIDTH = 200
+"""Where there is no terminal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,12 +257,16 @@ def _tell(tasks: Sequence[Task], kept: Journal, segments: Path, summary: Path) -
     try:
         with segments.open("w", encoding="utf-8", errors="surrogateescape", newline="") as file:
             write_segments(file, records)
-        Console(file=plain, width=TABLE_WIDTH, highlight=False, emoji=False).print(table(records))
+        Console(file=plain, width=TABLE_WIDTH, highlight=False, emoji=False).print(table(records, TABLE_WIDTH))
         summary.write_text(f"{plain.getvalue()}{headline(records)}.\n", encoding="utf-8")
     except OSError as error:
         raise RunError(f"{error.filename}: cannot be written: {error.strerror}") from None
-    console = Console(width=TABLE_WIDTH, highlight=False, emoji=False)
-    console.print(table(records))
+    console = Console(highlight=False, emoji=False)
+    if not console.is_terminal:
+        console.width = TABLE_WIDTH
+    console.print(table(records, console.width))
+    for line in reasons(records, console.width):
+        click.echo(line)
     click.echo(f"{headline(records)}. Segments: {printable(str(segments))}")
     states = {record.state for record in records}
     if State.ASYNC in states:
