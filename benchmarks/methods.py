@@ -227,7 +227,7 @@ def _teller(console: Console, total: int) -> Callable[[], None]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: one a core)")
+    parser.add_argument("--jobs", type=_count, default=os.cpu_count() or 1, help="processes (default: one a core)")
     parser.add_argument("--scores", type=Path, help="write the page from these scores instead of measuring")
     given = parser.parse_args(arguments)
     try:
@@ -241,6 +241,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     DOCUMENT.write_text(page.write(measured), encoding="utf-8")
     print(f"{DOCUMENT}: written")
     return 0
+
+
+def _count(text: str) -> int:
+    if (number := int(text)) < 1:
+        raise ValueError(text)
+    return number
 
 
 def kept(file: Path) -> Measured:

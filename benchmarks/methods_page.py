@@ -65,9 +65,10 @@ Each method is a detector and can be used in place of, or beside, the default:
 syncwatch replay RECORDING --detectors orb,adaptive_window
 ```
 
-`always_answer: true` makes any of them answer as the report does, even where the choice is chance; by default they
-abstain where the best candidate beats the second by no more than three standard errors, and say so. `spatial` is the
-report's own and answers always; `always_answer: false` makes it abstain, too.
+`always_answer: true` makes any of them answer as the report does, even where the choice is chance, unless there is
+nothing at all to compare; by default they abstain where the best candidate beats the second by no more than three
+standard errors, and say so. `spatial` is the report's own and answers always; `always_answer: false` makes it abstain,
+too.
 
 ## Accuracy and cost
 

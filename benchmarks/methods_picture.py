@@ -10,6 +10,7 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from benchmarks.methods_page import DEFAULT, REPORT
 from benchmarks.methods_scores import BASE, Confusion, Measured, abstained, count, frames, right_frames, right_of_all
@@ -75,19 +76,18 @@ def _bars(axes: Axes, names: Sequence[str], scores: Sequence[Scores], *, guess: 
 
 
 def _matrix(axes: Axes, confusion: Confusion) -> None:
-    said = (State.SYNC, State.ASYNC, State.UNKNOWN)
-    truths = [state for state in (State.SYNC, State.ASYNC) if confusion.get(state.value)]
+    said, truths = (State.SYNC, State.ASYNC, State.UNKNOWN), (State.SYNC, State.ASYNC)
     for y, truth in enumerate(truths):
         for x, state in enumerate(said):
             number = count(confusion, truth, state)
             colour = "white" if not number else GOOD if state is truth else QUIET if state is State.UNKNOWN else BAD
-            axes.fill_between((x, x + 1), y, y + 1, color=colour, alpha=0.85, linewidth=0)
+            axes.add_patch(Rectangle((x, y), 1, 1, facecolor=colour, edgecolor="#909090", linewidth=0.8))
             ink = "white" if colour in {GOOD, BAD} else "black"
             axes.text(x + 0.5, y + 0.5, str(number), ha="center", va="center", color=ink, fontsize=12)
     axes.set_xlim(0, len(said))
-    axes.set_ylim(2, 0)
-    axes.set_xticks([x + 0.5 for x in range(len(said))], ["sync", "async", "unknown"], fontsize=8)
+    axes.set_ylim(len(truths), 0)
+    axes.set_xticks([x + 0.5 for x in range(len(said))], [f"said\n{state.value}" for state in said], fontsize=8)
     axes.set_yticks([y + 0.5 for y in range(len(truths))], [f"is {truth.value}" for truth in truths], fontsize=8)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
-    axes.set_xlabel(f"{right_frames(confusion)} of {frames(confusion)} right", fontsize=9)
+    axes.set_xlabel(f"{right_frames(confusion)} of {frames(confusion)} right", fontsize=10)

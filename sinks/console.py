@@ -17,6 +17,7 @@ from pipeline.settings import Settings
 from pipeline.steady import Steady
 from pipeline.tally import PairTally, Tally
 from pipeline.verdict import Event, Evidence, PairTruth, Report, State, Verdict, ms
+from pipeline.words import REASON_WORDS
 
 log = logging.getLogger("syncwatch.sinks.console")
 
@@ -179,11 +180,14 @@ def classic_lines(verdict: Verdict, *, many_pairs: bool) -> str:
 
 
 def summary(tally: Tally) -> list[str]:
-    """What was said of each pair, and how that compares with the truth where it is known."""
+    """What was said of each pair, why nothing where nothing was, and what of it was true where that is known."""
     lines = []
     for name, pair in tally.pairs.items():
         shares = ", ".join(f"{pair.states[state]} {state.value}" for state in State)
         lines.append(f"{name}: {pair.total} frames: {shares} ({100 * pair.decided / pair.total:.0f} % decided)")
+        if pair.reasons:
+            why = ", ".join(f"{REASON_WORDS[reason]} ({frames})" for reason, frames in pair.reasons.most_common())
+            lines.append(f"{name}: unknown because {why}")
         if pair.truth_known:
             lines.append(f"{name}: {_against_truth(pair)}")
     return lines or ["nothing was judged: no two frames came together"]

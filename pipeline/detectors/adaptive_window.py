@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import cv2
 import numpy as np
@@ -48,6 +48,7 @@ Volume: TypeAlias = npt.NDArray[np.float32]
 """h x w x (2 reach + 1): what each disparity costs each pixel."""
 
 Places: TypeAlias = npt.NDArray[np.int64]
+Arm: TypeAlias = Annotated[int, Field(ge=0, le=100)]
 
 
 class AdaptiveWindowSettings(CandidateSettings):
@@ -63,7 +64,7 @@ class AdaptiveWindowSettings(CandidateSettings):
     type: Literal["adaptive_window"] = "adaptive_window"
     working_width_px: int = Field(default=160, ge=32, le=640)
     reach: float = Field(default=0.15, gt=0, le=0.5)
-    arms_px: tuple[int, int, int] = (3, 6, 10)
+    arms_px: tuple[Arm, Arm, Arm] = (3, 6, 10)
     colour_threshold: int = Field(default=20, ge=0, le=255)
 
 
@@ -125,7 +126,7 @@ class AdaptiveWindowDetector(CandidateDetector):
         height, width = mine.level.shape
         slide = max(1, round(self._settings.reach * width))
         windows = grow(self._reduced(first.image), self._settings.arms_px, self._settings.colour_threshold)
-        rows = np.arange(EVERY_ROW // 2, height, EVERY_ROW)
+        rows = np.arange(min(EVERY_ROW // 2, height - 1), height, EVERY_ROW)
         matched = {
             offset: match(aggregate(costs(mine, self._small[each], slide), windows, rows), slide)
             for offset, each in candidates.items()
@@ -134,7 +135,7 @@ class AdaptiveWindowDetector(CandidateDetector):
         tiles = TILES[0] * np.arange(len(rows))[:, None] // max(len(rows), 1) * TILES[1]
         tiles = (tiles + TILES[1] * np.arange(width) // width)[confirmed]
         count = np.bincount(tiles)
-        counted = np.flatnonzero(count >= LEAST_PIXELS)
+        counted = np.flatnonzero(count >= self._settings.least(LEAST_PIXELS))
         if not len(counted):
             return Silence("hardly a pixel finds the same match from both sides", Reason.NO_TEXTURE)
         return Scores.of_parts(

@@ -39,6 +39,10 @@ class CandidateSettings(Settings):
 
     always_answer: bool = False
 
+    def least(self, few: int) -> int:
+        """Of what must be seen at least: `few`, but one is enough for who always answers."""
+        return 1 if self.always_answer else few
+
 
 @dataclass(frozen=True, slots=True)
 class Scores:
@@ -65,9 +69,10 @@ class CandidateDetector(ABC):
 
     For a staggered pair, the frame that it is expected to match takes the place of t. Of equals t wins.
 
-    It abstains when it cannot compare (a frame of t is missing, sizes differ, too little to see) and, unless it is set
-    to answer always, when it cannot choose: a neighbour of t is missing, or the best candidate beats the second by no
-    more than chance does. Set to answer always, it chooses among the candidates that exist.
+    It abstains when it cannot compare (a frame of t is missing, sizes differ, nothing to see) and, unless it is set to
+    answer always, when it cannot choose: there is little to see, a neighbour of t is missing, or the best candidate
+    beats the second by no more than chance does. Set to answer always, it chooses among the candidates that exist, by
+    whatever is to be seen.
     """
 
     measure: ClassVar[str]

@@ -89,15 +89,17 @@ class EpipolarClassesDetector(CandidateDetector):
     in every frame only where its pictures are of the same moment: the wrong candidates' changes with whatever moves.
     The epipolar lines are those of one matrix for all windows of the class that is the most frequent in it; of matches
     that all candidates share, the mean distance to them, told as a negative fit in working pixels, decides. Its chance
-    includes how far two halves of the history disagree. Abstains while that class has been seen in fewer than WARM
-    windows. Set to answer always, it takes what there is, in the first window each candidate's own geometry.
+    includes how far two halves of the history disagree. Of which class the candidate itself is in this window does not
+    decide: by the matches of one window, wrong candidates are of their usual class nearly as often as the right one.
+    Abstains while that class has been seen in fewer than WARM windows. Set to answer always, it takes what there is: in
+    the first window each candidate's own geometry, and only the candidates that have one.
     """
 
     measure: ClassVar[str] = "fit"
 
     def __init__(self, settings: EpipolarClassesSettings, *, name: str, rig: Rig) -> None:
         super().__init__(settings, name=name, rig=rig)
-        self._settings = settings
+        self._settings, self._few = settings, settings.least(FEW)
         self._keypoints: Memo[Keypoints] = Memo(lambda frame: keypoints_of(frame, settings))
         self._histories: dict[tuple[str, int], deque[Geometry]] = {
             (pair.name, offset): deque(maxlen=settings.history) for pair in rig.pairs for offset in (0, 1, -1)
@@ -108,14 +110,14 @@ class EpipolarClassesDetector(CandidateDetector):
 
     def compare(self, pair: Pair, first: Frame, candidates: Candidates) -> Scores | Silence:
         corners = len(self._keypoints[first].at)
-        if corners < FEW:
-            return Silence(f"{corners} corners in {pair.first}, fewer than {FEW}", Reason.NO_TEXTURE)
+        if corners < self._few:
+            return Silence(f"{corners} corners in {pair.first}, fewer than {self._few}", Reason.NO_TEXTURE)
         half_px = min(first.image.shape[1], self._settings.working_width_px) / 2
         found = {offset: self._match(first, each, half_px) for offset, each in candidates.items()}
         matched = {offset: each for offset, each in found.items() if each is not None}
         histories = {offset: self._histories[pair.name, offset] for offset in matched}
-        said: Scores | Silence = Silence(f"fewer than {FEW} corners match in one geometry", Reason.NO_OVERLAP)
-        if len(matched) == len(candidates):
+        said: Scores | Silence = Silence(f"fewer than {self._few} corners match in one geometry", Reason.NO_OVERLAP)
+        if len(matched) == len(candidates) or (matched and self._always):
             said = self._compare(matched, histories, half_px)
         for offset, each in matched.items():
             histories[offset].append(each.geometry)
@@ -125,7 +127,7 @@ class EpipolarClassesDetector(CandidateDetector):
         mine, theirs = self._keypoints[first], self._keypoints[second]
         here, there = same(mine, theirs, self._settings.ratio)
         agree = of_one_geometry(mine.at[here], theirs.at[there], self._settings.within_px)
-        if int(agree.sum()) < FEW:
+        if int(agree.sum()) < self._few:
             return None
         height, width = first.image.shape[:2]
         centre = np.array([1.0, height / width])
@@ -141,8 +143,8 @@ class EpipolarClassesDetector(CandidateDetector):
         self, matched: Mapping[int, Matched], histories: Mapping[int, Sequence[Geometry]], half_px: float
     ) -> Scores | Silence:
         shared = reduce(np.intersect1d, [each.here for each in matched.values()])
-        if len(shared) < FEW:
-            return Silence(f"{len(shared)} corners match in all candidates, fewer than {FEW}", Reason.NO_OVERLAP)
+        if len(shared) < self._few:
+            return Silence(f"{len(shared)} corners match in all candidates, fewer than {self._few}", Reason.NO_OVERLAP)
         parts, errors = {}, {}
         for offset, each in matched.items():
             kinds = Counter(one.kind for one in histories[offset])

@@ -23,6 +23,9 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 FAST_THRESHOLD = 7
 """Grey levels by which a corner's ring must differ: lower than OpenCV's 20, for dark and foggy pictures."""
 
+ROOM_PX = 31
+"""From the edges of a picture, where ORB seeks no corners."""
+
 LEAST_MATCHES = 8
 """As many as a fundamental matrix takes that is fitted to more than it has unknowns."""
 
@@ -58,8 +61,10 @@ def keypoints_of(frame: Frame, settings: KeypointSettings) -> Keypoints:
 
 
 def keypoints(image: Picture, most: int) -> Keypoints:
-    """The ORB keypoints of a grey picture (Rublee et al. 2011)."""
-    found = cv2.ORB.create(most, fastThreshold=FAST_THRESHOLD).detectAndCompute(image, None)
+    """The ORB keypoints of a grey picture (Rublee et al. 2011), whose smaller copies may not vanish."""
+    if min(image.shape) <= 2 * ROOM_PX:
+        return Keypoints(np.empty((0, 2), np.float32), np.empty((0, 32), np.uint8))
+    found = cv2.ORB.create(most, edgeThreshold=ROOM_PX, fastThreshold=FAST_THRESHOLD).detectAndCompute(image, None)
     if not found[0]:
         return Keypoints(np.empty((0, 2), np.float32), np.empty((0, 32), np.uint8))
     return Keypoints(np.array([key.pt for key in found[0]], np.float32), np.asarray(found[1], np.uint8))

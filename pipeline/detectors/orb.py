@@ -51,13 +51,13 @@ class OrbDetector(CandidateDetector):
         self._keypoints.enter(window)
 
     def compare(self, pair: Pair, first: Frame, candidates: Candidates) -> Scores | Silence:
-        mine = self._keypoints[first]
-        if len(mine.at) < FEW:
-            return Silence(f"{len(mine.at)} corners in {pair.first}, fewer than {FEW}", Reason.NO_TEXTURE)
+        mine, least = self._keypoints[first], self._settings.least(FEW)
+        if len(mine.at) < least:
+            return Silence(f"{len(mine.at)} corners in {pair.first}, fewer than {least}", Reason.NO_TEXTURE)
         parts = {offset: self._consistent(mine, self._keypoints[each]) for offset, each in candidates.items()}
         most = max(int(each.sum()) for each in parts.values())
-        if most < FEW:
-            return Silence(f"at most {most} corners match, fewer than {FEW}", Reason.NO_OVERLAP)
+        if most < least:
+            return Silence(f"at most {most} corners match, fewer than {least}", Reason.NO_OVERLAP)
         return Scores.of_parts(parts)
 
     def _consistent(self, mine: Keypoints, theirs: Keypoints) -> Parts:

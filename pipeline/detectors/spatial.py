@@ -81,10 +81,11 @@ class SpatialDetector(CandidateDetector):
 
 
 def centre_half(picture: Floats) -> Floats:
-    """H x W/2: the middle columns, so that the template can slide a quarter of the width either way."""
+    """H x W/2: the middle columns, so that the template can slide a quarter of the width either way; one at least."""
     width = picture.shape[1]
-    start = (width - width // 2) // 2
-    return picture[:, start : start + width // 2]
+    half = max(1, width // 2)
+    start = (width - half) // 2
+    return picture[:, start : start + half]
 
 
 def best_place(template: Floats, picture: Floats, method: int) -> tuple[float, int]:

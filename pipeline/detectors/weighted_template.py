@@ -70,8 +70,7 @@ class WeightedTemplateDetector(CandidateDetector):
 
     def __init__(self, settings: WeightedTemplateSettings, *, name: str, rig: Rig) -> None:
         super().__init__(settings, name=name, rig=rig)
-        self._points = settings.points
-        self._reach = settings.reach
+        self._points, self._reach, self._least = settings.points, settings.reach, settings.least(FEW)
         self._small: Memo[Picture] = Memo(lambda frame: reduced(grey(frame.image), settings.working_width_px))
 
     def enter(self, window: Window) -> None:
@@ -80,8 +79,8 @@ class WeightedTemplateDetector(CandidateDetector):
     def compare(self, pair: Pair, first: Frame, candidates: Candidates) -> Scores | Silence:
         picture = self._small[first]
         at = corners(picture, self._points)
-        if len(at) < FEW:
-            return Silence(f"{len(at)} corners in {pair.first}, fewer than {FEW}", Reason.NO_TEXTURE)
+        if len(at) < self._least:
+            return Silence(f"{len(at)} corners in {pair.first}, fewer than {self._least}", Reason.NO_TEXTURE)
         slide = max(1, round(self._reach * picture.shape[1]))
         templates = normalised(patches(picture, at, 0))
         matched = {
@@ -89,8 +88,8 @@ class WeightedTemplateDetector(CandidateDetector):
             for offset, each in candidates.items()
         }
         kept = ~np.logical_and.reduce([astray(at, places) for _, places in matched.values()])
-        if int(kept.sum()) < FEW:
-            return Silence(f"{int(kept.sum())} corners are found again, fewer than {FEW}", Reason.NO_OVERLAP)
+        if int(kept.sum()) < self._least:
+            return Silence(f"{int(kept.sum())} corners are found again, fewer than {self._least}", Reason.NO_OVERLAP)
         return Scores.of_parts({offset: values[kept] for offset, (values, _) in matched.items()})
 
 
@@ -136,7 +135,9 @@ def best_of(similarities: Floats) -> tuple[Parts, Places]:
 
 
 def astray(at: Places, places: Places) -> Mask:
-    """N: which points are displaced otherwise than their neighbours."""
+    """N: which points are displaced otherwise than their neighbours; a point without any is not."""
+    if len(at) < 2:
+        return np.zeros(len(at), bool)
     squared = ((at[:, None] - at[None]) ** 2).sum(axis=2)
     near = np.argsort(squared, axis=1, kind="stable")[:, 1 : NEIGHBOURS + 1]
     return np.asarray(np.abs(places - np.median(places[near], axis=1)) > ASTRAY_PX, bool)

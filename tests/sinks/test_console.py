@@ -52,7 +52,13 @@ def test_only_lasting_changes_are_shown_dated_from_their_first_frame():
 
 def test_the_summary_counts_and_says_the_share_that_was_decided():
     text = shown(*stretch((SYNC, 6), (ASYNC, 1), (UNKNOWN, 3)))
-    assert text.splitlines()[-1] == "left-right: 10 frames: 6 sync, 1 async, 3 unknown (70 % decided)"
+    assert text.splitlines()[-2] == "left-right: 10 frames: 6 sync, 1 async, 3 unknown (70 % decided)"
+
+
+def test_the_summary_says_why_nothing_was_known():
+    text = shown(*stretch((SYNC, 6), (UNKNOWN, 3)))
+    assert text.splitlines()[-1] == "left-right: unknown because nothing moves in a way that tells time (3)"
+    assert "because" not in shown(*stretch((SYNC, 6), (ASYNC, 1)))
 
 
 def test_the_summary_compares_with_the_truth_where_it_is_known():

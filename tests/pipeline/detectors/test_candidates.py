@@ -16,7 +16,7 @@ from pipeline.run import Run
 from pipeline.verdict import Evidence, Reason, State, Verdict
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import START_NS, SyntheticSource
-from tests.frames import PERIOD_NS, RIG, frame, window
+from tests.frames import PERIOD_NS, RIG, frame, texture, window
 
 METHODS = ("adaptive_window", "epipolar_classes", "orb", "spatial", "weighted_template")
 COUNT = 40
@@ -122,12 +122,37 @@ def test_pictures_of_nothing_are_unknown_for_want_of_texture(method, always_answ
     assert {(one.state, one.silence) for one in evidence} == {(State.UNKNOWN, Reason.NO_TEXTURE)}
 
 
+@pytest.mark.parametrize("always_answer", [True, False])
+@pytest.mark.parametrize("size", [(1, 1), (2, 3), (240, 1), (1, 700), (62, 63), (9, 640)])
 @pytest.mark.parametrize("method", METHODS)
-def test_pictures_of_a_few_pixels_do_not_stop_it(method):
-    tiny = {
-        name: [np.arange(n, n + 6, dtype=np.uint8).reshape(2, 3) for n in range(COUNT)] for name in ("left", "right")
+def test_pictures_of_a_few_pixels_do_not_stop_it(method, size, always_answer):
+    tiny = {name: [np.ascontiguousarray(texture(n, 700, 240)[: size[0], : size[1]]) for n in range(4)] for name in "ab"}
+    windows = [
+        window(
+            1, left=picture("left", tiny["a"][1], 1), right=tuple(picture("right", each, 1) for each in tiny["b"][:3])
+        )
+    ]
+    (evidence,) = said(method, windows, always_answer=always_answer)
+    assert evidence.reason
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_set_to_answer_always_it_makes_do_with_little_to_see(method):
+    """A few corners in an empty picture, where it otherwise abstains."""
+    moving = {
+        name: [np.where(blob_mask(), image, 90).astype(np.uint8) for image in images]
+        for name, images in scene("handheld").items()
     }
-    assert len(over(method, tiny)) == len(LATE)
+    assert State.UNKNOWN in {one.state for one in over(method, moving, always_answer=False)}
+    bold = over(method, moving, always_answer=True)
+    assert State.UNKNOWN not in {one.state for one in bold}, [one.reason for one in bold]
+
+
+@functools.cache
+def blob_mask() -> np.ndarray:
+    mask = np.zeros((240, 320), bool)
+    mask[108:136, 140:172] = True
+    return mask
 
 
 @pytest.mark.parametrize("method", METHODS)

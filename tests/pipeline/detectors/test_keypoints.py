@@ -117,6 +117,7 @@ def test_orb_may_take_any_epipolar_geometry_in_place_of_rows():
     [
         ("orb: {ratio: 2}", "ratio"),
         ("adaptive_window: {arms_px: [3, 6]}", "arms_px"),
+        ("adaptive_window: {arms_px: [3, 6, -1]}", "arms_px"),
         ("weighted_template: {points: 1}", "points"),
         ("epipolar_classes: {history: 3}", "history"),
         ("spatial: {picture: colour}", "picture"),
