@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-browser test-guest test-oak images evaluate evaluate-full accuracy classic bench clean methods fleet
+.PHONY: help run test test-browser test-guest test-oak test-alerts images evaluate evaluate-full accuracy classic bench clean methods fleet
 
 help:  ## what can be made
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "make %-13s %s\n", $$1, $$2}' Makefile
@@ -32,6 +32,9 @@ test-browser: $(INSTALLED)  ## the dashboard and the reports in a headless brows
 
 images: $(INSTALLED)  ## renew the screenshots of the documentation
 	SYNCWATCH_IMAGES=docs/images $(BIN)/pytest tests/browser/test_dashboard.py -k field
+
+test-alerts: $(INSTALLED)  ## the alert rules, by promtool (out of Debian's package prometheus)
+	tests/promtool.sh
 
 test-oak: $(INSTALLED)  ## the tests that need depthai, which is installed first (366 MB); no OAK is needed
 	@PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[oak]'

@@ -183,6 +183,14 @@ class CameraShape(Shape):
     """Rises when the device or its clock starts anew."""
 
 
+class SinkShape(Shape):
+    """What a sink could not take in time and lost."""
+
+    dropped_reports: Count
+    """Verdicts first; of events and statuses only where nothing else is left."""
+    dropped_frames: Count
+
+
 class MonitorShape(Shape):
     """The program that publishes."""
 
@@ -194,6 +202,8 @@ class MonitorShape(Shape):
     """From the arrival of a frame to its verdict, over the last minute."""
     memory_bytes: Count | None
     """Resident; null where the system does not say."""
+    sinks: dict[str, SinkShape]
+    """By name."""
 
 
 class StatusShape(Shape):

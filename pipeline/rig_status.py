@@ -88,11 +88,22 @@ class CameraStatus:
 
 
 @dataclass(frozen=True, slots=True)
+class SinkStatus:
+    """What a sink could not take in time and lost, of what was reported and of frames."""
+
+    dropped_reports: int = 0
+    dropped_frames: int = 0
+
+    def to_json(self) -> Message:
+        return {"dropped_reports": self.dropped_reports, "dropped_frames": self.dropped_frames}
+
+
+@dataclass(frozen=True, slots=True)
 class Status:
     """The rolled-up state of a rig, once a second and on every change of state.
 
     latency_p99_ns: from the arrival of a frame to its verdict, over the last minute. memory_bytes: of the monitor's
-    process, resident; None where the system does not say.
+    process, resident; None where the system does not say. sinks: by name.
     """
 
     rig: str
@@ -106,6 +117,7 @@ class Status:
     dropped_windows: int
     latency_p99_ns: int | None = None
     memory_bytes: int | None = None
+    sinks: Mapping[str, SinkStatus] = field(default_factory=dict)
 
     def to_message(self) -> Message:
         return {
@@ -122,5 +134,6 @@ class Status:
                 "dropped_windows": self.dropped_windows,
                 "latency_p99_ms": ms(self.latency_p99_ns),
                 "memory_bytes": self.memory_bytes,
+                "sinks": {name: sink.to_json() for name, sink in self.sinks.items()},
             },
         }

@@ -283,6 +283,7 @@ class Run:
             warnings,
             dropped_windows=self._windows.dropped,
             overwritten=getattr(parts.source, "dropped", {}),
+            sinks={sink.name: sink.status for sink in self._sinks},
         )
         self._report_all([status])
 

@@ -10,7 +10,7 @@ from typing import TypeAlias
 from pipeline.errors import RunError, SyncwatchError, explained
 from pipeline.frame import Frame
 from pipeline.queues import BoundedQueue, QueueClosedError
-from pipeline.verdict import FrameSink, Report, Sink, Verdict
+from pipeline.verdict import FrameSink, Report, Sink, SinkStatus, Verdict
 
 REPORTS_AHEAD = 1000
 """Reports that may wait for a sink: half a minute of a stereo rig at 30 fps."""
@@ -49,6 +49,11 @@ class SinkThread:
     @property
     def dropped_frames(self) -> int:
         return self._frames.dropped
+
+    @property
+    def status(self) -> SinkStatus:
+        """What was lost on the way to the sink, and what it says itself that it has lost (`dropped`)."""
+        return SinkStatus(self.dropped + int(getattr(self._sink, "dropped", 0)), self.dropped_frames)
 
     def start(self) -> None:
         """Starts the sink and waits until it is ready. Raises what kept it from starting."""

@@ -13,7 +13,7 @@ from pipeline.notes import Note
 from pipeline.pairing import Counters
 from pipeline.quantiles import LastMinute
 from pipeline.steady import CONFIRM, Steady
-from pipeline.verdict import CameraStatus, Level, Pace, PairStatus, State, Status, Verdict
+from pipeline.verdict import CameraStatus, Level, Pace, PairStatus, SinkStatus, State, Status, Verdict
 from pipeline.words import describe
 
 STALE_NS = 5 * NS_PER_S
@@ -97,6 +97,7 @@ class StatusKeeper:
         warnings: Sequence[str] = (),
         dropped_windows: int = 0,
         overwritten: Mapping[str, int] = MappingProxyType({}),
+        sinks: Mapping[str, SinkStatus] = MappingProxyType({}),
     ) -> Status:
         """The rig as it stands now. warnings: what is amiss without a pair being out of sync."""
         level, reasons = self._level(warnings)
@@ -116,6 +117,7 @@ class StatusKeeper:
             dropped_windows=dropped_windows,
             latency_p99_ns=self._latency.quantile(0.99, now_ns),
             memory_bytes=resident_bytes(),
+            sinks=sinks,
         )
 
     def _level(self, warnings: Sequence[str]) -> tuple[Level, tuple[str, ...]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
 
-from pipeline.rig_status import CameraStatus, PairStatus, Status
+from pipeline.rig_status import CameraStatus, PairStatus, SinkStatus, Status
 from pipeline.terms import (
     ALIGNED_SCHEMA,
     EVENT_SCHEMA,
@@ -46,6 +46,7 @@ __all__ = [
     "Reason",
     "Report",
     "Sink",
+    "SinkStatus",
     "State",
     "Status",
     "Verdict",

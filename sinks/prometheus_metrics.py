@@ -58,6 +58,8 @@ COUNTERS = (
     Family("verdicts", "Frames judged, by state.", ("pair", "state")),
     Family("events", "Conditions that began; of pairs out of sync with the cause.", ("kind", "cause")),
     Family("dropped_windows", "Moments that were not judged for want of time."),
+    Family("sink_dropped_reports", "Reports that a sink could not take in time.", ("sink",)),
+    Family("sink_dropped_frames", "Frames that a sink could not take in time.", ("sink",)),
     Family("frames", "Frames delivered.", ("camera",)),
     Family("drops", "Frames lost, by counter or by time.", ("camera",)),
     Family("overwritten_frames", "Frames that gave way to newer ones before they were taken.", ("camera",)),
@@ -141,6 +143,9 @@ def _put_rig(page: _Page, status: Status) -> None:
     page.put("resident_memory_bytes", status.memory_bytes)
     page.put("verdict_latency_p99_seconds", _seconds(status.latency_p99_ns))
     page.put("dropped_windows", status.dropped_windows)
+    for name, sink in status.sinks.items():
+        page.put("sink_dropped_reports", sink.dropped_reports, name)
+        page.put("sink_dropped_frames", sink.dropped_frames, name)
 
 
 def _put_pair(page: _Page, name: str, pair: PairStatus) -> None:

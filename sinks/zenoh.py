@@ -87,6 +87,11 @@ class ZenohSink:
             self._take_latest(f"{self._root}/verdict/{report.pair}", message, publish=self._wanted(report))
 
     @property
+    def dropped(self) -> int:
+        """Events that had to give way to newer ones before the network was there."""
+        return self._lost_events
+
+    @property
     def wants_frames(self) -> bool:
         return self._previews is not None
 

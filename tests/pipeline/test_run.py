@@ -22,7 +22,7 @@ from pipeline.health.observer import Observer
 from pipeline.judge import Judge, JudgeSettings
 from pipeline.run import Parts, Run
 from pipeline.status import StatusKeeper
-from pipeline.verdict import Cause, Event, Evidence, Level, Report, Sink, State
+from pipeline.verdict import Cause, Event, Evidence, Level, Report, Sink, SinkStatus, State
 from syncwatch.testing import ListSink, ScriptedSource, Step
 from tests.frames import PERIOD_NS, RIG, frame
 
@@ -274,6 +274,23 @@ def test_a_slow_detector_drops_whole_windows_of_a_live_rig_oldest_first():
     for seen in slow.seen:
         left, right = (seen.cameras[name].current for name in ("left", "right"))
         assert left.sequence == right.sequence
+
+
+def test_what_a_stuck_sink_lost_is_told_by_the_others_and_costs_no_verdict():
+    hold, listening = threading.Event(), ListSink()
+    runner = threading.Thread(target=run_of(frames(2000), ListSink(lossless=False, hold=hold), listening).execute)
+    runner.start()
+    deadline = time.monotonic() + 20
+    while len(listening.verdicts) < 2000 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    hold.set()
+    runner.join(10)
+    assert [verdict.frame for verdict in listening.verdicts] == list(range(2000))
+    lost = [status.sinks["sink0"].dropped_reports for status in listening.statuses]
+    assert lost == sorted(lost)
+    assert 900 <= lost[-1] <= 1100
+    assert listening.statuses[-1].sinks["sink1"] == SinkStatus(0, 0)
+    assert listening.statuses[-1].dropped_windows == 0
 
 
 class Awkward(ScriptedSource):

@@ -29,6 +29,7 @@ from pipeline.verdict import (
     Level,
     Pace,
     PairStatus,
+    SinkStatus,
     State,
     Status,
     Verdict,
@@ -59,6 +60,7 @@ STATUS = Status(
     rig="bench", at_ns=7_000_000_000, level=Level.ERROR, reasons=("late",), pairs={"left-right": PAIR},
     cameras={"left": CAMERA, "right": replace(CAMERA, conditions=("frozen", "missing"))}, version="1.2",
     uptime_s=9.5, dropped_windows=6, latency_p99_ns=40_000_000, memory_bytes=123_000_000,
+    sinks={"zenoh": SinkStatus(7, 8)},
 )  # fmt: skip
 EVENT = Event("bench", "a-1", "async", "onset", "left-right", "right", Cause.SLIP, 1, None, {}, "late")
 VERDICT = Verdict("bench", "left-right", 0, State.ASYNC, Basis.CONTENT)
@@ -133,6 +135,7 @@ def test_cameras_and_the_monitor_are_told(sink):
     assert told["verdict_latency_p99_seconds",] == 0.04
     assert told["resident_memory_bytes",] == 123e6
     assert told["dropped_windows_total",] == 6
+    assert (told["sink_dropped_reports_total", "zenoh"], told["sink_dropped_frames_total", "zenoh"]) == (7, 8)
     assert told["build_info", "1.2"] == 1
 
 
