@@ -15,7 +15,7 @@ KEY_CHUNK = re.compile(r"(?!@)[^/*$#?\s]+")
 
 
 def is_key_chunk(text: str) -> bool:
-    return KEY_CHUNK.fullmatch(text) is not None
+    return KEY_CHUNK.fullmatch(text) is not None and text.isprintable()
 
 
 def _key_prefix(value: str) -> str:

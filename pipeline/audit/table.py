@@ -15,6 +15,7 @@ from rich.table import Table
 
 from pipeline.audit.remote import is_url
 from pipeline.messages import AuditShape
+from pipeline.printable import printable
 from pipeline.terms import State
 from pipeline.words import REASON_WORDS
 
@@ -91,12 +92,6 @@ def write_segments(file: TextIO, records: Iterable[AuditShape]) -> None:
             cause = one.cause.value if one.cause else ""
             frames = one.first_frame, one.last_frame
             rows.writerow((record.path, one.pair, one.start_s, one.stop_s, *frames, one.state.value, cause, offset))
-
-
-def printable(text: str) -> str:
-    """File names may hold bytes that are no text, and control characters."""
-    shown = text.encode("utf-8", "backslashreplace").decode()
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in shown)
 
 
 def _why(record: AuditShape) -> str:

@@ -23,7 +23,7 @@ from pipeline.audit.find import find
 from pipeline.audit.journal import Journal, check_folder, journal
 from pipeline.audit.local import judge_here
 from pipeline.audit.remote import is_url, tasks_at
-from pipeline.audit.table import headline, printable, reasons, said, table, write_segments
+from pipeline.audit.table import headline, reasons, said, table, write_segments
 from pipeline.audit.task import Task, effort, file_facts, fingerprint, settings_fingerprint
 from pipeline.cli.common import CANNOT_TELL, DONE, OUT_OF_SYNC, set_option
 from pipeline.cli.output import output_file
@@ -31,6 +31,7 @@ from pipeline.cli.recording import RecordingOptions, recording_plan
 from pipeline.errors import InputError, RunError
 from pipeline.messages import AuditShape
 from pipeline.plan import Plan
+from pipeline.printable import printable
 from pipeline.terms import State
 from sources.replay.formats import recognise
 from sources.replay.names import natural

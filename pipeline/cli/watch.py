@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 import click
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
@@ -22,7 +22,7 @@ from pipeline.cli.common import DONE, OUT_OF_SYNC, seconds
 from pipeline.cli.fleet import fleet_options, fleet_settings
 from pipeline.fleet.headline import headline
 from pipeline.fleet.listener import FleetListener
-from pipeline.fleet.overview import all_well, fleet_message, fleet_table
+from pipeline.fleet.overview import all_well, counted, fleet_message, fleet_table
 
 log = logging.getLogger("syncwatch.cli")
 
@@ -109,19 +109,25 @@ def _show_once(heard: FleetListener, *, as_json: bool) -> None:
     if as_json:
         _print_json(heard)
     else:
-        Console(file=sys.stdout).print(_page(heard))
+        console = Console(file=sys.stdout)
+        console.print(_page(heard, None, console.width))
 
 
 def _show_live(heard: FleetListener, ticks: Iterable[None]) -> None:
-    with Live(_page(heard), console=Console(file=sys.stdout), screen=True, auto_refresh=False) as live:
+    console = Console(file=sys.stdout)
+    with Live(console=console, screen=True, auto_refresh=False) as live:
         for _ in ticks:
-            live.update(_page(heard), refresh=True)
+            live.update(_page(heard, console.height, console.width), refresh=True)
 
 
 def _print_changes(heard: FleetListener, ticks: Iterable[None]) -> None:
     """One line whenever a rig stands otherwise than before: for files and journals."""
     told: dict[str, tuple[str, tuple[str, ...]]] = {}
+    problem = heard.problem
     for _ in ticks:
+        if problem != heard.problem:
+            problem = heard.problem
+            log.warning("%s", problem or "rigs can be heard now")
         for rig in heard.fleet.rigs():
             said = headline(rig)
             reasons = () if rig.status is None else rig.status.reasons
@@ -142,12 +148,22 @@ def _print_json(heard: FleetListener) -> None:
     click.echo(json.dumps(message, allow_nan=False))
 
 
-def _page(heard: FleetListener) -> Group:
+def _page(heard: FleetListener, lines: int | None, width: int) -> Group:
+    """lines: how many there are, None for any number; what says how all stand is always among them."""
     rigs = heard.fleet.rigs()
-    where = f"'{heard.settings.prefix}' at {heard.settings.where}"
-    count = f"{len(rigs)} {'rig' if len(rigs) == 1 else 'rigs'}" if rigs else "no rig is heard"
-    parts: list[RenderableType] = [fleet_table(rigs), Text()] if rigs else []
-    parts.append(Text(f"{count} under {where}", "dim"))
+    where = f"under '{heard.settings.prefix}' at {heard.settings.where}"
+    foot = [_line(f"no rig is heard {where}", "dim")]
+    if rigs:
+        count = Text(f"{len(rigs)} {'rig' if len(rigs) == 1 else 'rigs'}: ").append_text(counted(rigs))
+        foot = [count, _line(where, "dim")]
     if heard.problem is not None:
-        parts.append(Text(heard.problem, "yellow"))
-    return Group(*parts)
+        foot.append(_line(heard.problem, "yellow"))
+    if not rigs:
+        return Group(*foot)
+    table, left = fleet_table(rigs, lines=lines and lines - len(foot) - 2, width=width)
+    more = [Text(f"and {len(left)} more: ", "dim").append_text(counted(left))] if left else []
+    return Group(table, *more, Text(), *foot)
+
+
+def _line(text: str, style: str) -> Text:
+    return Text(text, style, no_wrap=True, overflow="ellipsis")

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.fleet.headline import Tone, headline
+from pipeline.fleet.headline import WORST_FIRST, headline
 from pipeline.fleet.listener import FleetListener
 from pipeline.fleet.messages import HeardStatus
 from pipeline.fleet.offsets import KEPT_NS, SLOT_NS, Point
@@ -16,9 +16,6 @@ from pipeline.frame import NS_PER_MS, NS_PER_S
 from pipeline.words import CAUSE_WORDS
 
 EVENTS_SHOWN = 50
-
-WORST_FIRST = tuple(Tone)
-"""The order in which tones are written down."""
 
 CAUSES = {cause.value: words for cause, words in CAUSE_WORDS.items()}
 

@@ -21,6 +21,10 @@ class Tone(str, Enum):
     GOOD = "good"
 
 
+WORST_FIRST = tuple(Tone)
+"""The order in which tones are written down."""
+
+
 @dataclass(frozen=True, slots=True)
 class Headline:
     """word: a word or two; detail: a sentence without its end, or nothing."""

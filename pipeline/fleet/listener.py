@@ -17,6 +17,7 @@ from pipeline.errors import InputError
 from pipeline.fleet.messages import HeardEvent, HeardStatus, HeardVerdict, read
 from pipeline.fleet.table import MAX_EVENTS, Fleet
 from pipeline.frame import NS_PER_S
+from pipeline.printable import printable
 from pipeline.zenoh_network import RETRY_EVERY_S, is_linked
 from pipeline.zenoh_reach import NOBODY, Network, first_words
 from sinks.zenoh_settings import ZenohSettings
@@ -161,6 +162,8 @@ class FleetListener:
         """Raises ValueError for a message that is not what its key promises."""
         if "*" in below:
             raise ValueError("published for many keys at once")
+        if not below.isprintable():
+            raise ValueError("a name with characters that cannot be seen")
         name, _, part = below.rpartition("/")
         if suffix in {"verdict", "preview"}:
             name = name.rpartition("/")[0]
@@ -184,7 +187,7 @@ class FleetListener:
         if key in self._complained or len(self._complained) >= MAX_COMPLAINTS:
             return
         self._complained.add(key)
-        log.warning("%s: a message that cannot be read is left out: %s", key, str(error).splitlines()[0])
+        log.warning("%s: a message that cannot be read is left out: %s", printable(key), str(error).splitlines()[0])
 
 
 class _Ears:

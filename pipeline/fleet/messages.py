@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from pipeline.printable import printable
 from pipeline.verdict import Level, State
 
 MAX_MESSAGE_BYTES = 256 * 1024
 """A status of a rig of eight cameras has about 2 KB."""
+
+Words = Annotated[str, AfterValidator(printable)]
+"""A text for people, which may be shown in a terminal."""
 
 
 class Heard(BaseModel):
@@ -29,7 +33,7 @@ class HeardPair(Heard):
     """The state of a pair. since_ns: wall-clock time of the monitor."""
 
     state: State
-    cause: str | None = None
+    cause: Words | None = None
     since_ns: int
     offset_ms: float | None = None
     offset_sigma_ms: float | None = None
@@ -50,13 +54,13 @@ class HeardCamera(Heard):
     restarts: int = 0
     jitter_p50_ms: float | None = None
     jitter_p99_ms: float | None = None
-    conditions: tuple[str, ...] = ()
+    conditions: tuple[Words, ...] = ()
 
 
 class HeardMonitor(Heard):
     """The program that publishes the rig."""
 
-    version: str
+    version: Words
     uptime_s: float
     dropped_windows: int = 0
 
@@ -67,9 +71,9 @@ class HeardStatus(Heard):
     of: Literal["syncwatch.status.v1"] = Field(alias="schema")
     at_ns: int
     level: Level
-    reasons: tuple[str, ...]
-    pairs: dict[str, HeardPair]
-    cameras: dict[str, HeardCamera]
+    reasons: tuple[Words, ...]
+    pairs: dict[Words, HeardPair]
+    cameras: dict[Words, HeardCamera]
     monitor: HeardMonitor
 
 
@@ -77,16 +81,16 @@ class HeardEvent(Heard):
     """Onset or end of a condition. since_ns, until_ns: wall-clock time of the monitor."""
 
     of: Literal["syncwatch.event.v1"] = Field(alias="schema")
-    id: str
-    kind: str
+    id: Words
+    kind: Words
     phase: Literal["onset", "end"]
-    pair: str | None = None
-    camera: str | None = None
-    cause: str | None = None
+    pair: Words | None = None
+    camera: Words | None = None
+    cause: Words | None = None
     since_ns: int
     until_ns: int | None = None
     worst: dict[str, float | None] = Field(default_factory=dict)
-    text: str
+    text: Words
 
 
 class HeardVerdict(Heard):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from rich.table import Table
 from rich.text import Text
 
-from pipeline.fleet.headline import Tone, ago, headline
+from pipeline.fleet.headline import WORST_FIRST, Headline, Tone, ago, headline
 from pipeline.fleet.messages import HeardPair, HeardStatus
 from pipeline.fleet.table import Presence, RigView
 from pipeline.frame import NS_PER_S
@@ -15,7 +16,23 @@ from pipeline.terms import FLEET_SCHEMA, Level, Message, State
 
 COLOURS = {Tone.BAD: "bold red", Tone.AWAY: "magenta", Tone.WARN: "yellow", Tone.UNSURE: "cyan", Tone.GOOD: "green"}
 STATE_COLOURS = {State.SYNC: "green", State.ASYNC: "bold red", State.UNKNOWN: "cyan"}
-COLUMNS = ("rig", "", "pair", "state", "offset", "cause", "since", "heard")
+COLUMNS = ("rig", "", "pair", "state", "offset", "cause", "since")
+FIRST_COLUMNS = ("rig", "", "offset")
+WIDE = 72
+"""Letters in a line that all columns need, so that names can still be read."""
+
+SHORTENED = {"rig": 10, "pair": 8}
+"""Columns that give way where there is no room, and the letters they keep."""
+
+LONGEST_NAME = 40
+
+TONE_WORDS = {
+    Tone.BAD: "in trouble",
+    Tone.AWAY: "not heard",
+    Tone.WARN: "with warnings",
+    Tone.UNSURE: "unsure",
+    Tone.GOOD: "in sync",
+}
 
 
 def is_well(rig: RigView) -> bool:
@@ -43,19 +60,49 @@ def fleet_message(
     }
 
 
-def fleet_table(rigs: Sequence[RigView]) -> Table:
-    """A row a pair; what is not of now is dim."""
+def fleet_table(
+    rigs: Sequence[RigView], *, lines: int | None = None, width: int = WIDE
+) -> tuple[Table, Sequence[RigView]]:
+    """A row a pair, the worst rigs first, and the rigs that had no room. What is not of now is dim.
+
+    lines, width: what there is room for, in letters.
+    """
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for name in COLUMNS:
-        table.add_column(name, justify="right" if name in {"offset", "since", "heard"} else "left", no_wrap=True)
-    for rig in rigs:
+    columns = COLUMNS if width >= WIDE else FIRST_COLUMNS
+    for name in columns:
+        shortened = SHORTENED.get(name)
+        right = name in {"offset", "since"}
+        table.add_column(name, justify="right" if right else "left", no_wrap=shortened is None, min_width=shortened)
+    ordered = sorted(rigs, key=lambda rig: WORST_FIRST.index(headline(rig).tone))
+    for shown, rig in enumerate(ordered):
+        rows = list(_pair_rows(rig))
+        if lines is not None and table.row_count + len(rows) >= lines:
+            return table, ordered[shown:]
         said = headline(rig)
-        head = (Text(rig.name), Text(said.word, COLOURS[said.tone]))
-        heard = Text(ago(rig.silent_ns)) if rig.status else Text("never")
+        head = (_shortened(rig.name), Text(_word(rig, said), COLOURS[said.tone]))
         style = "dim" if said.tone is Tone.AWAY else ""
-        for number, cells in enumerate(_pair_rows(rig)):
-            table.add_row(*(head if number == 0 else ("", "")), *cells, heard if number == 0 else "", style=style)
-    return table
+        for number, cells in enumerate(rows):
+            row = dict(zip(COLUMNS, (*(head if number == 0 else ("", "")), *cells), strict=True))
+            table.add_row(*(row[name] for name in columns), style=style)
+    return table, ()
+
+
+def counted(rigs: Sequence[RigView]) -> Text:
+    """How many rigs stand how, the worst first."""
+    tones = Counter(headline(rig).tone for rig in rigs)
+    parts = (Text(f"{tones[tone]} {TONE_WORDS[tone]}", COLOURS[tone]) for tone in WORST_FIRST if tones[tone])
+    return Text(", ").join(parts)
+
+
+def _word(rig: RigView, said: Headline) -> str:
+    return f"{said.word}, {ago(rig.silent_ns)}" if said.tone is Tone.AWAY else said.word
+
+
+def _shortened(name: str) -> Text:
+    """On one line, whatever its column has room for."""
+    text = Text(name, no_wrap=True, overflow="ellipsis")
+    text.truncate(LONGEST_NAME, overflow="ellipsis")
+    return text
 
 
 def _rig_json(rig: RigView) -> Message:
@@ -102,7 +149,7 @@ def _pair_rows(rig: RigView) -> Iterator[tuple[Text | str, ...]]:
         return
     for name, pair in rig.status.pairs.items():
         yield (
-            Text(name),
+            _shortened(name),
             Text(pair.state.value, STATE_COLOURS[pair.state]),
             _offset(pair),
             Text(pair.cause or ""),

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
+import pty
+import re
 import signal
+import struct
 import subprocess
 import sys
+import termios
 import threading
 import uuid
 from collections.abc import Iterator
@@ -93,6 +99,7 @@ def test_people_get_a_table(prefix):
         result = watch(prefix, *SHORT)
     lines = [" ".join(line.split()) for line in result.stdout.splitlines()]
     assert lines[1].startswith("cart In sync a-b sync +0.1 ± 0.2 ms")
+    assert lines[3:] == ["1 rig: 1 in sync", f"under '{prefix}' at the local network"]
     assert result.return_value == 0
 
 
@@ -172,3 +179,32 @@ def test_a_signal_ends_it_at_once_and_nothing_but_results_is_printed(prefix):
         out, errors = process.communicate(timeout=10)
     assert (process.returncode, errors) == (143, "")
     assert all(line.startswith("{") for line in out.splitlines())
+
+
+def test_in_a_terminal_the_page_is_live_and_ctrl_c_ends_it(prefix):
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+    command = [sys.executable, "-m", "syncwatch", "watch", prefix]
+    environment = {**os.environ, "TERM": "xterm"}
+    shown = ""
+    with rigs(Rig(prefix, "cart")):
+        process = subprocess.Popen(
+            command, cwd=ROOT, stdin=theirs, stdout=theirs, stderr=subprocess.PIPE, env=environment
+        )
+        os.close(theirs)
+        while "1 rig: 1 in sync" not in re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", shown):
+            shown += os.read(ours, 65536).decode()
+        process.send_signal(signal.SIGINT)
+        while chunk := _rest(ours):
+            shown += chunk
+        errors = process.communicate(timeout=10)[1]
+    os.close(ours)
+    assert (process.returncode, errors) == (130, b"")
+    assert shown.rstrip().endswith(("\x1b[?25h", "\x1b[?1049l"))  # the cursor and what was there before are back
+
+
+def _rest(terminal: int) -> str:
+    try:
+        return os.read(terminal, 65536).decode()
+    except OSError:  # nobody is at its other end any more
+        return ""

@@ -183,10 +183,15 @@ def test_what_cannot_be_read_is_left_out_with_one_line_a_key(prefix, caplog):
                 for key in said:
                     session.put(key, b"\xff{")
                 session.put(f"{prefix}/status", b"{}")
-                session.put(f"{prefix}/*/status", json.dumps(status().to_message()))
+                for name in ("*", "\x1b[2J"):
+                    session.put(f"{prefix}/{name}/status", json.dumps(status().to_message()))
 
-            wait_for(lambda: shout() or len(caplog.messages) >= 5)
+            wait_for(lambda: shout() or len(caplog.messages) >= 6)
             wait_for(lambda: sink.take(status()) or listener.fleet.rig("cart").status)
         assert [rig.name for rig in listener.fleet.rigs()] == ["cart"]
     sink.stop()
-    assert sorted(message.partition(":")[0] for message in caplog.messages) == [f"{prefix}/*/status", *said]
+    assert sorted(message.partition(":")[0] for message in caplog.messages) == [
+        f"{prefix}/*/status",
+        rf"{prefix}/\x1b[2J/status",
+        *said,
+    ]

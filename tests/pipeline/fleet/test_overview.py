@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from pipeline.fleet.overview import all_well, fleet_message, fleet_table
+from pipeline.fleet.overview import all_well, counted, fleet_message, fleet_table
 from pipeline.fleet.table import Incident, Presence, RigView
 from pipeline.frame import NS_PER_S
 from tests.pipeline.fleet.said import status
@@ -39,10 +39,10 @@ def message(*rigs, **values):
     return made
 
 
-def screen(*rigs) -> list[str]:
-    console = Console(width=120, no_color=True)
+def screen(*rigs, width=120, lines=None) -> list[str]:
+    console = Console(width=width, no_color=True)
     with console.capture() as captured:
-        console.print(fleet_table(rigs))
+        console.print(fleet_table(rigs, width=width, lines=lines)[0])
     return [" ".join(line.split()) for line in captured.get().splitlines()]
 
 
@@ -71,8 +71,8 @@ def test_stale_and_gone_are_told_apart():
         "gone": ("gone", "Monitor gone"),
     }
     assert screen(STALE, GONE)[1:] == [
-        "stale Stale left-right sync +0.1 ± 0.2 ms 57 s 7 s",
-        "gone Monitor gone left-right sync +0.1 ± 0.2 ms 10 min 10 min",
+        "stale Stale, 7 s left-right sync +0.1 ± 0.2 ms 57 s",
+        "gone Monitor gone, 10 min left-right sync +0.1 ± 0.2 ms 10 min",
     ]
 
 
@@ -80,13 +80,13 @@ def test_pairs_are_told_with_offset_cause_and_since():
     pair = message(BAD)["rigs"]["drone"]["pairs"]["left-right"]
     assert (pair["state"], pair["cause"], pair["offset_ms"], pair["since_ns"]) == ("async", "slip", 33.34, SINCE_NS)
     assert screen(BAD)[1:] == [
-        "drone Out of sync left-right async +33.3 ± 0.6 ms slip 32 s 2 s",
+        "drone Out of sync left-right async +33.3 ± 0.6 ms slip 32 s",
         "left-top sync +0.0 ms 32 s",
     ]
 
 
 def test_a_rig_that_has_said_nothing_yet_is_a_row():
-    assert screen(NEW)[1:] == ["new Starting never"]
+    assert screen(NEW)[1:] == ["new Starting"]
     assert message(NEW)["rigs"]["new"]["level"] is None
 
 
@@ -99,3 +99,26 @@ def test_only_conditions_that_have_not_ended_are_open():
 
 def test_markup_in_a_name_is_text():
     assert screen(replace(WELL, name="[red]a"))[1].startswith("[red]a In sync")
+
+
+def test_the_worst_rigs_come_first_and_those_that_have_no_room_are_counted():
+    assert [line.split()[0] for line in screen(WELL, NEW, GONE, BAD)[1:]] == [
+        "drone",
+        "left-top",
+        "gone",
+        "new",
+        "cart",
+    ]
+    table, left = fleet_table((WELL, NEW, GONE, BAD), lines=4)
+    assert (table.row_count, [rig.name for rig in left]) == (3, ["new", "cart"])
+    assert counted(left).plain == "1 unsure, 1 in sync"
+    assert fleet_table((WELL, BAD), lines=1)[1] == [BAD, WELL]
+
+
+@pytest.mark.parametrize("width", [48, 72, 80, 120])
+def test_a_long_name_gives_way_to_what_is_said_of_the_rig(width):
+    long = replace(BAD, name="a_name_that_goes_on_and_on_and_on_and_on_and_on_and_on_and_on")
+    row = screen(long, GONE, width=width)[1]
+    assert row.startswith("a_name_")
+    assert "… Out of sync " in row
+    assert "+33.3 ± 0.6 ms" in row

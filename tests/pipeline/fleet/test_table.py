@@ -212,3 +212,9 @@ def test_a_message_that_is_not_what_it_should_be_is_refused(payload, kind):
 def test_members_of_a_newer_monitor_are_left_out():
     said = read(b'{"schema": "syncwatch.verdict.v1", "state": "sync", "mood": "good"}', HeardVerdict)
     assert said.offset_ms is None
+
+
+def test_what_a_terminal_would_obey_is_spelled_out():
+    said = status(reasons=["\x1b[2Jgone \u202e"], pairs={"a\n-b": {"state": "sync", "since_ns": 0, "cause": "\x07"}})
+    assert said.reasons == (r"\x1b[2Jgone \u202e",)
+    assert [(name, pair.cause) for name, pair in said.pairs.items()] == [(r"a\n-b", r"\x07")]

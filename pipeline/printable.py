@@ -1,0 +1,13 @@
+"""Makes what others wrote safe to print."""
+
+from __future__ import annotations
+
+
+def printable(text: str) -> str:
+    """The text with everything spelled out that is no letter to be seen.
+
+    That is bytes that are no text, control characters, some of which a terminal obeys, and what turns the direction of
+    writing.
+    """
+    shown = text.encode("utf-8", "backslashreplace").decode()
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in shown)
