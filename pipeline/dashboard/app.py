@@ -18,7 +18,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from pipeline.dashboard.access import PAGES, Guard
-from pipeline.dashboard.stream import Stream
+from pipeline.dashboard.stream import Board, Stream
 from pipeline.fleet.listener import FleetListener
 
 log = logging.getLogger("syncwatch.dashboard")
@@ -75,6 +75,7 @@ class _Pages:
 
     def __init__(self, listener: FleetListener, files: dict[str, bytes], stopping: asyncio.Event) -> None:
         self._listener = listener
+        self._board = Board(listener)
         self._files = files
         self._stopping = stopping
         self._streams = 0
@@ -92,7 +93,7 @@ class _Pages:
         if self._streams >= MAX_STREAMS:
             return PlainTextResponse(f"{MAX_STREAMS} pages are open already.\n", 503, {"retry-after": "5"})
         self._streams += 1
-        told = Stream(self._listener, request.query_params.get("rig"))
+        told = Stream(self._board, request.query_params.get("rig"))
         return _EventStream(told.messages(self._stopping), ended=self._one_less)
 
     def _one_less(self) -> None:

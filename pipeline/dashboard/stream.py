@@ -14,6 +14,30 @@ from pipeline.fleet.offsets import KEPT_NS
 from pipeline.frame import NS_PER_MS
 
 TICK_S = 0.5
+FRESH_NS = 400 * NS_PER_MS
+"""For how long what is written down for all pages holds; less than a tick."""
+
+
+class Board:
+    """What all pages are told alike: written down once a tick, however many there are."""
+
+    def __init__(self, listener: FleetListener, monotonic_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        self.listener = listener
+        self._monotonic_ns = monotonic_ns
+        self._written: dict[str, tuple[int, str]] = {}
+
+    def fleet(self) -> str:
+        return self._event("fleet", fleet_view)
+
+    def summary(self) -> str:
+        return self._event("summary", summary_view)
+
+    def _event(self, name: str, view: Callable[[FleetListener], dict[str, Any]]) -> str:
+        now_ns = self._monotonic_ns()
+        written = self._written.get(name)
+        if written is None or now_ns - written[0] >= FRESH_NS:
+            written = self._written[name] = (now_ns, _event(name, view(self.listener)))
+        return written[1]
 
 
 class Stream:
@@ -22,10 +46,9 @@ class Stream:
     rig: the one that the page shows; None for all of them.
     """
 
-    def __init__(
-        self, listener: FleetListener, rig: str | None, monotonic_ns: Callable[[], int] = time.monotonic_ns
-    ) -> None:
-        self._listener = listener
+    def __init__(self, board: Board, rig: str | None, monotonic_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        self._board = board
+        self._listener = board.listener
         self._rig = rig
         self._monotonic_ns = monotonic_ns
         self._told: dict[str, str] = {}
@@ -44,11 +67,11 @@ class Stream:
         return [*told, _event("tick", {"now_ms": self._monotonic_ns() // NS_PER_MS})]
 
     def _about_all(self) -> list[str]:
-        return self._if_changed("fleet", fleet_view(self._listener))
+        return self._if_new("fleet", self._board.fleet())
 
     def _about_one(self, name: str) -> list[str]:
         self._listener.look_at(name)
-        told = self._if_changed("summary", summary_view(self._listener))
+        told = self._if_new("summary", self._board.summary())
         rig = self._listener.fleet.rig(name)
         told += self._if_changed("rig", {"name": name, "unheard_of": True} if rig is None else rig_view(rig))
         return told + self._offsets(name)
@@ -62,7 +85,9 @@ class Stream:
         return self._if_changed("offsets", offsets_view(offsets)) if any(offsets.values()) else []
 
     def _if_changed(self, name: str, message: dict[str, Any]) -> list[str]:
-        text = _event(name, message)
+        return self._if_new(name, _event(name, message))
+
+    def _if_new(self, name: str, text: str) -> list[str]:
         if self._told.get(name) == text:
             return []
         self._told[name] = text

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.fleet.headline import WORST_FIRST, headline
+from pipeline.fleet.headline import WORST_FIRST, Tone, headline
 from pipeline.fleet.listener import FleetListener
 from pipeline.fleet.messages import HeardStatus
 from pipeline.fleet.offsets import KEPT_NS, SLOT_NS, Point
@@ -16,6 +16,11 @@ from pipeline.frame import NS_PER_MS, NS_PER_S
 from pipeline.words import CAUSE_WORDS
 
 EVENTS_SHOWN = 50
+
+MANY = 24
+"""With more rigs than this, those that nothing is wrong with are told in a word each."""
+
+SMALL_TONES = frozenset({Tone.UNSURE, Tone.GOOD})
 
 CAUSES = {cause.value: words for cause, words in CAUSE_WORDS.items()}
 
@@ -26,7 +31,8 @@ def as_text(message: object) -> str:
 
 def fleet_view(listener: FleetListener) -> dict[str, Any]:
     """Every rig in a few words, the worst first."""
-    rigs = [_brief(rig) for rig in listener.fleet.rigs()]
+    known = listener.fleet.rigs()
+    rigs = [_brief(rig, many=len(known) > MANY) for rig in known]
     rigs.sort(key=lambda rig: WORST_FIRST.index(rig["tone"]))
     return {
         "problem": listener.problem,
@@ -64,15 +70,22 @@ def offsets_view(offsets: Mapping[str, tuple[Point, ...]]) -> dict[str, Any]:
     }
 
 
-def _brief(rig: RigView) -> dict[str, Any]:
+def _brief(rig: RigView, *, many: bool = False) -> dict[str, Any]:
+    """many: there are so many that pairs and the last minutes are told of those in trouble only."""
     said = headline(rig)
+    small = many and said.tone in SMALL_TONES
     pairs = rig.status.pairs if rig.status else {}
-    return {
+    brief = {
         "name": rig.name,
         "presence": rig.presence.value,
         "tone": said.tone.value,
         "word": said.word,
         "detail": said.detail,
+        "small": small,
+    }
+    if small:
+        return brief
+    return brief | {
         "pairs": [
             {
                 "name": name,

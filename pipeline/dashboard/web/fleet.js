@@ -24,6 +24,7 @@ export class FleetPage {
     this.note.hidden = fleet.left_out === 0;
     say(this.note, "There are more rigs than this page can hold: some are not shown.");
     this.cards.dataset.few = fleet.rigs.length <= FEW;
+    this.cards.dataset.many = fleet.rigs.some((rig) => rig.small);
     keyed(this.cards, fleet.rigs, (rig) => rig.name, makeCard, updateCard);
     const tones = new Map();
     for (const rig of fleet.rigs) tones.set(rig.tone, (tones.get(rig.tone) ?? 0) + 1);
@@ -51,10 +52,12 @@ function makeCard(rig) {
 function updateCard(card, rig) {
   const { parts } = card;
   card.dataset.tone = rig.tone;
+  card.dataset.small = rig.small;
   drawIcon(parts.icon, rig.tone);
   say(parts.word, rig.word);
   say(parts.name, rig.name);
-  say(parts.detail, rig.detail);
+  say(parts.detail, rig.small ? "" : rig.detail);
+  if (rig.small) return;
   const shown = rig.pairs.slice(0, PAIRS_SHOWN).map((pair) => [pairName(pair.name), offset(pair.offset_ms, pair.sigma_ms)]);
   if (rig.pairs.length > PAIRS_SHOWN) shown.push([`and ${rig.pairs.length - PAIRS_SHOWN} more pairs`, ""]);
   keyed(parts.pairs, shown, ([name]) => name, makePair, (made, [name, text]) => {

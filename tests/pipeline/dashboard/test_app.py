@@ -9,8 +9,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from pipeline.dashboard import app
+from pipeline.dashboard import app, views
 from pipeline.dashboard.serve import bind
+from pipeline.dashboard.stream import FRESH_NS, Board
 from pipeline.errors import InputError
 from tests.network import wait_for
 from tests.pipeline.dashboard.served import next_of, served
@@ -65,6 +66,29 @@ def test_a_stream_begins_with_everything_and_goes_on_with_what_changes(site):
         assert next(events)[0] == "tick"
         site.fleet.hear_status("changing", status("error", reasons=["left-right: right is late"]))
         assert next_of(events, "fleet")["rigs"][0]["detail"] == "left-right: right is late"
+
+
+def test_of_many_rigs_those_in_trouble_are_told_at_length_and_the_others_in_a_word():
+    with served() as made:
+        for number in range(views.MANY):
+            made.fleet.hear_status(f"rig{number}", status())
+        with made.stream() as events:
+            assert not any(rig["small"] for rig in next_of(events, "fleet")["rigs"])
+            made.fleet.hear_status("late", status("error", reasons=["right is late"]))
+            worst, *others = next_of(events, "fleet")["rigs"]
+    assert (worst["name"], worst["small"], worst["pairs"][0]["name"]) == ("late", False, "left-right")
+    assert [(rig["word"], rig["small"], "trail" in rig) for rig in others] == [("In sync", True, False)] * views.MANY
+
+
+def test_what_all_pages_are_told_is_written_down_once_a_tick():
+    now_ns = 0
+    with served() as made:
+        board = Board(made.listener, lambda: now_ns)
+        first = board.fleet()
+        made.fleet.hear_status("cart", status())
+        assert board.fleet() is first
+        now_ns = FRESH_NS
+        assert "cart" in board.fleet()
 
 
 def test_a_rig_is_told_with_its_pairs_cameras_events_and_offsets(site):
