@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -71,11 +71,11 @@ class Finder:
     """Knows the cameras of one kind.
 
     find: those of this machine; none where that kind cannot be had, and it raises nothing. source: a configuration's
-    `source` that reads these.
+    `source` that reads these; takes the next of the names for each camera of the rig.
     """
 
     find: Callable[[], Sequence[FoundCamera]]
-    source: Callable[[Sequence[FoundCamera]], Mapping[str, Any]]
+    source: Callable[[Sequence[FoundCamera], Iterator[str]], Mapping[str, Any]]
 
 
 def names_of(count: int) -> list[str]:

@@ -10,7 +10,7 @@ import yaml
 
 from pipeline.assemble import FINDERS
 from pipeline.cli.common import DONE
-from pipeline.found import Finder, FoundCamera, Mode
+from pipeline.found import Finder, FoundCamera, Mode, names_of
 
 
 @click.command()
@@ -24,8 +24,7 @@ def cameras(as_json: bool) -> int:
     elif not found:
         click.echo("no cameras here: plug one in; `ls /dev/video*` shows what the system sees", err=True)
     else:
-        snippets = [line for finder, own in by_finder for line in _snippet(finder, own)]
-        click.echo("\n".join([*_table(found), *snippets]))
+        click.echo("\n".join([*_table(found), *_snippet(by_finder)]))
     return DONE
 
 
@@ -62,11 +61,14 @@ def _size_text(mode: Mode) -> str:
     return f"{least}{mode.size[0]}x{mode.size[1]}{rates}"
 
 
-def _snippet(finder: Finder, found: Sequence[FoundCamera]) -> list[str]:
-    """A source for the cameras that can be used."""
-    usable = [camera for camera in found if not camera.problem]
-    if not usable:
+def _snippet(by_finder: Sequence[tuple[Finder, Sequence[FoundCamera]]]) -> list[str]:
+    """The source, or the list of sources, for the cameras that can be used."""
+    usable = [(finder, [camera for camera in own if not camera.problem]) for finder, own in by_finder]
+    views = sum(camera.views for _, own in usable for camera in own)
+    names = iter(names_of(views))
+    sources = [dict(finder.source(own, names)) for finder, own in usable if own]
+    if not sources:
         return []
-    text = yaml.safe_dump({"source": dict(finder.source(usable))}, default_flow_style=None, sort_keys=False, width=1000)
-    alone = sum(camera.views for camera in usable) == 1
-    return ["", *text.splitlines(), *(["# a rig needs two or more cameras"] if alone else [])]
+    config = {"source": sources[0] if len(sources) == 1 else sources}
+    text = yaml.safe_dump(config, default_flow_style=None, sort_keys=False, width=1000)
+    return ["", *text.splitlines(), *(["# a rig needs two or more cameras"] if views == 1 else [])]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from typing import Any
 
 from pipeline.errors import InputError
-from pipeline.found import FoundCamera, names_of
+from pipeline.found import FoundCamera
 from sources.oak.library import load
 from sources.oak.settings import OakDeviceSettings
 
@@ -26,9 +26,8 @@ def oak_cameras(library: Callable[[], Any] | None = None) -> list[FoundCamera]:
         return []
 
 
-def oak_source(found: Sequence[FoundCamera]) -> dict[str, Any]:
+def oak_source(found: Sequence[FoundCamera], names: Iterator[str]) -> dict[str, Any]:
     """A source that reads the stereo pairs of these."""
-    names = iter(names_of(len(SOCKETS) * len(found)))
     devices = [{**one.settings, "cameras": {next(names): socket for socket in SOCKETS}} for one in found]
     return {"type": "oak", "devices": devices}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from pipeline.found import FoundCamera, Mode, names_of
+from pipeline.found import FoundCamera, Mode
 from sources.v4l2 import abi
 from sources.v4l2.device import Device, Host, explained
 from sources.v4l2.formats import BY_CODE, FORMATS
@@ -25,9 +25,9 @@ def v4l2_cameras(host: Host | None = None) -> list[FoundCamera]:
     return [_found(node, known, machine) for node in known]
 
 
-def v4l2_source(found: Sequence[FoundCamera]) -> dict[str, Any]:
+def v4l2_source(found: Sequence[FoundCamera], names: Iterator[str]) -> dict[str, Any]:
     """A source that reads these cameras."""
-    cameras = {name: dict(camera.settings) for name, camera in zip(names_of(len(found)), found, strict=True)}
+    cameras = {next(names): dict(camera.settings) for camera in found}
     return {"type": "v4l2", "cameras": cameras}
 
 

@@ -25,20 +25,13 @@ class VideoCameraSettings(Settings):
 
     url: Annotated[SecretStr, Field(min_length=1)]
     fps: Fps | None = None
-    options: dict[str, str] = Field(default_factory=dict)
-
-    @field_validator("options", mode="before")
-    @classmethod
-    def _as_texts(cls, value: Any) -> Any:
-        if not isinstance(value, dict):
-            return value
-        return {key: f"{one:g}" if type(one) in {int, float} else one for key, one in value.items()}
+    options: dict[str, str | int | float] = Field(default_factory=dict)
 
     @field_validator("options")
     @classmethod
-    def _can_be_told(cls, value: dict[str, str]) -> dict[str, str]:
+    def _can_be_told(cls, value: dict[str, str | int | float]) -> dict[str, str | int | float]:
         for part in (*value, *value.values()):
-            if not OPTION.fullmatch(part):
+            if not OPTION.fullmatch(str(part)):
                 raise ValueError(f"'{part}' cannot be told to FFmpeg: no ; and no | may be in it")
         return value
 

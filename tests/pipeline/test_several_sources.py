@@ -137,7 +137,8 @@ def test_two_recordings_on_disk_are_one_rig(tmp_path):
 
 
 def test_commands_take_a_rig_of_several_sources(tmp_path):
-    path = write(tmp_path, [synthetic("a", "b"), synthetic("c", "d")], detectors={"timestamp": {}})
+    sources = [synthetic("a", "b", duration_s=0.5), synthetic("c", "d", duration_s=0.5)]
+    path = write(tmp_path, sources, detectors={"timestamp": {}})
     done = inside("validate", path, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "  source     synthetic, synthetic\n" in done.stdout

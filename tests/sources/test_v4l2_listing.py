@@ -12,8 +12,9 @@ from click.testing import CliRunner
 from pipeline.assemble import KINDS
 from pipeline.cli import cameras as command
 from pipeline.configtext.document import load_text
-from pipeline.found import Finder
+from pipeline.found import Finder, FoundCamera
 from pipeline.plan import make_plan
+from sources.oak.listing import oak_source
 from sources.v4l2 import abi
 from sources.v4l2.listing import v4l2_cameras, v4l2_source
 from tests.sources.v4l2_kernel import FakeCamera, Machine, failure
@@ -68,6 +69,20 @@ def test_the_snippet_is_a_valid_source_with_names_that_stay(machine, monkeypatch
             "fps": 30,
         },
     }
+    make_plan(load_text(f"rig: bench\n{snippet}\ndetectors: {{timestamp: {{}}}}\n", "c", {}, []), KINDS, tmp_path)
+
+
+def test_cameras_of_two_kinds_are_a_list_of_sources_and_each_has_a_name_of_its_own(machine, monkeypatch, tmp_path):
+    rig(machine)
+    depth = FoundCamera("oak", "1.1", "OAK", "usb", settings={"device": "14442C10D13EABCE00"}, views=2)
+    of_a_kind = [Finder(lambda: v4l2_cameras(machine.host), v4l2_source), Finder(lambda: [depth], oak_source)]
+    monkeypatch.setattr(command, "FINDERS", (*of_a_kind, Finder(list, v4l2_source)))
+    text = CliRunner().invoke(command.cameras, standalone_mode=False).output
+    assert "a rig needs two" not in text
+    snippet = text.split("\n\n")[1]
+    plain, oak = yaml.safe_load(snippet)["source"]
+    assert (plain["type"], list(plain["cameras"])) == ("v4l2", ["cam0", "cam1"])
+    assert (oak["type"], list(oak["devices"][0]["cameras"])) == ("oak", ["cam2", "cam3"])
     make_plan(load_text(f"rig: bench\n{snippet}\ndetectors: {{timestamp: {{}}}}\n", "c", {}, []), KINDS, tmp_path)
 
 

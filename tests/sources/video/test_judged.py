@@ -177,6 +177,27 @@ def test_a_wrong_configuration_is_told_with_its_place_and_no_secret(tmp_path, ca
     assert SECRET not in str(caught.value)
 
 
+def test_the_settings_of_the_manual_are_read(tmp_path):
+    text = """
+source:
+  - type: video
+    cameras:
+      left:  {url: "rtsp://${LOGIN:-me}@10.0.0.11/stream1", fps: 25, options: {rtsp_transport: udp, buffer_size: 65536}}
+      right: rtsp://10.0.0.12/stream1
+    wait: true
+    open_within_s: 3
+    silent_after_s: 1
+    frames_ahead: 4
+  - {type: oak, devices: [{cameras: {top: CAM_C}}], fps: 30}
+detectors: {timestamp: {}}
+"""
+    (tmp_path / "c.yaml").write_text(text)
+    video, oak = read_plan(str(tmp_path / "c.yaml"), ("source.0.cameras.left.fps=15",)).source.settings.sources
+    assert video.cameras["left"].url.get_secret_value() == "rtsp://me@10.0.0.11/stream1"
+    assert (video.cameras["left"].fps, video.cameras["right"].fps) == (15, None)
+    assert oak.camera_names == ("top",)
+
+
 def test_a_plan_that_is_printed_holds_no_secret(tmp_path):
     with Streams({"left": plain(1), "right": plain(7)}) as streams:
         path = config(tmp_path, {name: streams.url(name, f"user:{SECRET}@") for name in streams.pictures})
