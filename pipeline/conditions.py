@@ -12,7 +12,7 @@ from pipeline.frame import NS_PER_MS, Rig
 from pipeline.health.observer import Observation
 from pipeline.notes import Note
 from pipeline.steady import CONFIRM, Change, Steady, alike
-from pipeline.verdict import Cause, Event, State, Verdict, ms
+from pipeline.verdict import Cause, Event, Reason, State, Verdict, ms
 from pipeline.words import describe, drift_ppm
 
 CAMERA_CONDITIONS = {
@@ -50,7 +50,9 @@ class _Counted:
 
 
 class Conditions:
-    """Opens an event when a pair is out of sync to stay and closes it when it is in sync again; `unknown` does neither.
+    """Opens an event when a pair is out of sync to stay and closes it when it is in sync again.
+
+    `unknown` does neither, but that a missing camera is back ends that event, whatever its frames can tell.
 
     Another cause, or an offset that has jumped, ends an event and begins the next.
 
@@ -80,7 +82,10 @@ class Conditions:
         if key in self._open and verdict.state is State.ASYNC:
             self._open[key] = replace(self._open[key], worst=self._worse(self._open[key].worst, verdict))
         change = self._steady[verdict.pair].add(verdict, self._wall_ns())
-        if change is None or change.state is State.UNKNOWN:
+        if verdict.state is State.UNKNOWN:
+            return self._back(key, verdict)
+        self._counted.pop(key, None)
+        if change is None:
             return []
         ended = self._changed_end(key, change) if key in self._open else []
         begun = [self._onset(change)] if change.state is State.ASYNC and key not in self._open else []
@@ -201,6 +206,19 @@ class Conditions:
         if alike(self._told[key[1]], change.last):
             return []
         return [self._end(key, change.since_ns, f"{key[1]} is out of sync in another way from now on")]
+
+    def _back(self, key: tuple[str, str], verdict: Verdict) -> list[Event]:
+        """The end of what a missing camera was told for, once its frames come, though nothing can be told of them."""
+        event = self._open.get(key)
+        if event is None or event.cause is not Cause.MISSING or verdict.reason is Reason.UNPAIRED:
+            self._counted.pop(key, None)
+            return []
+        counted = self._counted.setdefault(key, _Counted(since_ns=self._wall_ns()))
+        counted.windows += 1
+        if counted.windows < LASTING_WINDOWS:
+            return []
+        del self._counted[key]
+        return [self._end(key, counted.since_ns, f"{event.camera} delivers again")]
 
     def _end(self, key: tuple[str, str], now_ns: int, text: str) -> Event:
         return replace(self._open.pop(key), phase="end", until_ns=now_ns, text=text)

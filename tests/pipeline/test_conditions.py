@@ -12,7 +12,7 @@ from pipeline.conditions import Conditions
 from pipeline.health.observer import Observation
 from pipeline.notes import Note
 from pipeline.steady import CONFIRM, Steady
-from pipeline.verdict import Basis, Cause, State, Verdict
+from pipeline.verdict import Basis, Cause, Reason, State, Verdict
 from tests.frames import PERIOD_NS, RIG
 
 LETTERS = {"s": State.SYNC, "a": State.ASYNC, "u": State.UNKNOWN}
@@ -53,6 +53,21 @@ def test_an_onset_and_an_end_make_two_events():
     phases, texts = events("sssaaaaaasssss")
     assert phases == [("onset", 7), ("end", 13)]
     assert texts == ["right is 7.0 ms later than left since frame 3", "left-right in sync again from frame 9"]
+
+
+@pytest.mark.parametrize(("reason", "is_back"), [(Reason.NO_MOTION, True), (Reason.UNPAIRED, False)])
+def test_a_missing_camera_is_back_when_its_frames_come_though_nothing_can_be_told_of_them(reason, is_back):
+    conditions = Conditions(RIG, lambda: 0)
+    gone = replace(verdicts("a")[0], cause=Cause.MISSING, camera="right", offset_ns=None)
+    made = [one for said in [gone, gone] for one in conditions.add(said)]
+    waiting = [replace(said, reason=Reason.UNPAIRED) for said in verdicts("u" * 9)]
+    made += [one for said in waiting for one in conditions.add(said)]
+    made += [one for said in verdicts("u" * 5) for one in conditions.add(replace(said, reason=reason))]
+    assert [(one.phase, one.cause) for one in made] == [
+        ("onset", Cause.MISSING),
+        *([("end", Cause.MISSING)] if is_back else []),
+    ]
+    assert made[-1].text == ("right delivers again" if is_back else made[0].text)
 
 
 def test_unknown_neither_opens_nor_closes_an_event():
