@@ -27,7 +27,8 @@ class Streams:
     """Cameras by name, each at http://127.0.0.1:PORT/NAME; all show the picture of the moment, whoever joins when.
 
     pictures: JPEGs by camera, shown one after the other and again from the start. A camera in `stalled` keeps its
-    connections and sends nothing. `die` closes everything, `rise` serves at the same port again.
+    connections and sends nothing; one in `watched` has been asked for. `die` closes everything, `rise` serves at the
+    same port again.
     login: the header that a client has to bring.
     """
 
@@ -37,6 +38,7 @@ class Streams:
         self.stalled: set[str] = set()
         self.port = 0
         self.login: str | None = None
+        self.watched: set[str] = set()
         self._server: ThreadingHTTPServer | None = None
         self._started_s = time.monotonic()
         self._dead = threading.Event()
@@ -71,6 +73,7 @@ class Streams:
 
     def send(self, camera: str, out: Any) -> None:
         dead = self._dead
+        self.watched.add(camera)
         number = round((time.monotonic() - self._started_s) * self.fps)
         while not dead.wait(max(0.0, self._started_s + number / self.fps - time.monotonic())):
             own = self.pictures[camera]

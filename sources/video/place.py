@@ -28,6 +28,8 @@ class Place:
             mode = self.file.stat().st_mode
         except OSError as error:
             return error.strerror or "cannot be read"
+        except ValueError:  # a character that no name of a file can have
+            return "cannot be the name of a file"
         if stat.S_ISDIR(mode):
             return "is a folder (source replay reads folders)"
         if stat.S_ISCHR(mode):

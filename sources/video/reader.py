@@ -10,6 +10,7 @@ import json
 import os
 import socket
 import sys
+import threading
 import time
 from contextlib import suppress
 from typing import BinaryIO
@@ -33,8 +34,13 @@ ALMOST = 0.95
 """Share of a limit that FFmpeg keeps to."""
 
 
+LOOK_S = 0.5
+"""How often it is looked whether the program is still there."""
+
+
 def main() -> None:
     """Obeys orders on standard input until it ends, and answers on what was standard output."""
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     answers = os.dup(sys.stdout.fileno())
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for taken in (sys.stdout.fileno(), sys.stderr.fileno()):
@@ -43,6 +49,13 @@ def main() -> None:
         reader = Reader(out)
         while line := sys.stdin.buffer.readline():
             reader.obey(Order(**json.loads(line)))
+
+
+def _end_with(program: int) -> None:
+    """Ends this process when the program that started it is gone, though a stream may be waited for."""
+    while os.getppid() == program:
+        time.sleep(LOOK_S)
+    os._exit(0)
 
 
 class Reader:

@@ -112,6 +112,7 @@ def test_a_file_that_has_ended_is_not_missing(tmp_path):
             "/dev/null",
             "/dev/null: is a device (source v4l2 reads the cameras of this machine) (wait: true waits for it)",
         ),
+        ("a\0b", "{folder}/a\0b: cannot be the name of a file (wait: true waits for it)"),
         ("rig.yaml", "{folder}/rig.yaml: it is no video, or a damaged one (wait: true waits for it)"),
         (
             f"rtsp://user:{SECRET}@127.0.0.1:1/x?token={SECRET}",
@@ -218,6 +219,20 @@ def test_a_signal_ends_a_run_whose_streams_stall_and_its_readers(tmp_path):
     assert len(readers) == 2
     assert json.loads(out.read_text().splitlines()[0])["rig"] == "bench"
     wait_for(lambda: not any(is_alive(pid) for pid in readers))
+
+
+def test_readers_do_not_outlive_a_program_that_is_killed(tmp_path):
+    with Streams({"left": plain(1), "right": plain(7)}, FPS) as streams:
+        path = config(tmp_path, {name: streams.url(name) for name in streams.pictures}, silent_after_s=600)
+        command = [sys.executable, "-m", "syncwatch", "run", path]
+        with subprocess.Popen(command, cwd=tmp_path) as program:
+            try:
+                wait_for(lambda: len(children(program.pid)) == 2 and len(streams.watched) == 2, seconds=60)
+                readers = children(program.pid)
+                streams.stalled |= {"left", "right"}
+            finally:
+                program.kill()
+        wait_for(lambda: not any(is_alive(pid) for pid in readers))
 
 
 def children(pid):
