@@ -65,12 +65,12 @@ class Summary:
             why = f"; what kept most of the others: {self.mostly}" if self.mostly else ""
             return f"cannot tell: {counts}{why}.{few}"
         return (
-            f"{self._found(self.offset, period_ms)} {counts}. The smallest offset that this footage can show is "
+            f"{self._found(self.offset, self.smallest / SIGMAS, period_ms)} {counts}. The smallest offset that this footage can show is "
             f"{self.smallest * period_ms:.2g} ms ({self.smallest:.3f} frames)."
         )
 
-    def _found(self, offset: float, period_ms: float) -> str:
-        size = f"{offset:+.3f} frames, {offset * period_ms:+.1f} ms"
+    def _found(self, offset: float, sigma: float, period_ms: float) -> str:
+        size = f"{offset:+.3f} ± {sigma:.3f} frames, {offset * period_ms:+.1f} ± {sigma * period_ms:.1f} ms"
         in_sync = self.states[State.SYNC] >= CLEAR * self.decided
         if len(self.stretches) > 1:
             return f"{'in sync, but' if in_sync else 'OUT OF SYNC, and'} the offset changes: {self._changes()}."
@@ -99,6 +99,7 @@ class Summary:
             "sync": self.states[State.SYNC],
             "async": self.states[State.ASYNC],
             "offset_frames": self.offset,
+            "sigma_frames": None if self.smallest is None else self.smallest / SIGMAS,
             "smallest_offset_frames": self.smallest,
             "smallest_offset_ms": None if self.smallest is None else self.smallest * period_ms,
             "stretches": [

@@ -36,8 +36,8 @@ def test_the_smallest_offset_is_two_standard_errors():
 
 
 def test_in_sync_and_out_of_sync_are_told():
-    assert said(rows(*[0.01] * 30)).startswith("in sync (offset +0.010 frames, +1.0 ms).")
-    assert said(rows(*[-0.5] * 30)).startswith("OUT OF SYNC by -0.500 frames, -50.0 ms.")
+    assert said(rows(*[0.01] * 30)).startswith("in sync (offset +0.010 ± 0.020 frames, +1.0 ± 2.0 ms).")
+    assert said(rows(*[-0.5] * 30)).startswith("OUT OF SYNC by -0.500 ± 0.020 frames, -50.0 ± 2.0 ms.")
 
 
 def test_an_offset_that_changes_is_told_with_its_frames():
