@@ -64,8 +64,9 @@ class Summary:
             few = f" Those few, too few to rest on, say {self._parts()}." if self.stretches else ""
             why = f"; what kept most of the others: {self.mostly}" if self.mostly else ""
             return f"cannot tell: {counts}{why}.{few}"
+        found = self._found(self.offset, self.smallest / SIGMAS, period_ms)
         return (
-            f"{self._found(self.offset, self.smallest / SIGMAS, period_ms)} {counts}. The smallest offset that this footage can show is "
+            f"{found} {counts}. The smallest offset that this footage can show is "
             f"{self.smallest * period_ms:.2g} ms ({self.smallest:.3f} frames)."
         )
 
