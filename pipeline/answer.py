@@ -51,6 +51,8 @@ HEADLINE = {State.SYNC: "In sync.", State.ASYNC: "OUT OF SYNC.", State.UNKNOWN: 
 
 
 def _state(pair: PairTally) -> State:
+    if 0 < pair.silent == pair.total:
+        return State.ASYNC
     if pair.decided < ENOUGH:
         return State.UNKNOWN
     lasting = pair.lasting_async
@@ -62,6 +64,8 @@ def _state(pair: PairTally) -> State:
 
 
 def _sentence(name: str, state: State, pair: PairTally) -> str:
+    if 0 < pair.silent == pair.total:
+        return f"{name}: no frame of {name.partition('-')[0]} came."
     sync, wrong = pair.states[State.SYNC], pair.states[State.ASYNC]
     counts = f"{pair.decided} of {pair.total} frames could be judged{_ground(pair)}: {sync} in sync, {wrong} not"
     if state is State.ASYNC:

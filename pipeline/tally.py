@@ -57,7 +57,8 @@ class PairTally:
     reasons: why nothing could be said, by frames. stretches: how it was out of sync, the first MOST_STRETCHES.
     false_alarms: lasting changes to async while the pair was in sync.
     wrong: decided frames, each by itself, that contradict the truth.
-    by_stamps: decided frames for which timestamps alone spoke.
+    by_stamps: decided frames for which timestamps alone spoke. silent: verdicts on no frame, as long as the first
+    camera delivers nothing.
     """
 
     states: Counter[State] = field(default_factory=Counter)
@@ -69,6 +70,7 @@ class PairTally:
     false_alarms: int = 0
     wrong: int = 0
     by_stamps: int = 0
+    silent: int = 0
     _steady: Steady = field(default_factory=Steady)
     _current: Injected | None = None
     _stretch: Stretch | None = None
@@ -94,6 +96,7 @@ class PairTally:
         if verdict.reason is not None:
             self.reasons[verdict.reason] += 1
         self.by_stamps += verdict.state is not State.UNKNOWN and verdict.basis is Basis.TIMESTAMPS
+        self.silent += verdict.frame is None
         self._follow_streak(verdict.state)
         change = self._steady.add(verdict)
         self._follow_stretch(change, verdict)
@@ -119,6 +122,7 @@ class PairTally:
         self.false_alarms += other.false_alarms
         self.wrong += other.wrong
         self.by_stamps += other.by_stamps
+        self.silent += other.silent
         self._lasted += other.lasting_async
 
     def _follow_stretch(self, change: Change | None, verdict: Verdict) -> None:

@@ -172,7 +172,10 @@ class ZenohSource:
 
     def _take_what_came(self) -> None:
         for camera, subscriber in self._subscribers.items():
-            while not self._stopped.is_set() and (sample := subscriber.try_recv()) is not None:
+            for _ in range(self._settings.frames_ahead):  # then it is the next camera's turn
+                sample = subscriber.try_recv()
+                if sample is None or self._stopped.is_set():
+                    break
                 if sample.kind is zenoh.SampleKind.DELETE:
                     continue
                 attachment = None if sample.attachment is None else sample.attachment.to_bytes()

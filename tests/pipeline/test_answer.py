@@ -83,3 +83,13 @@ def test_a_detector_that_sticks_is_not_credited_with_what_it_cannot_have_seen():
 def test_an_alarm_outside_every_fault_is_false():
     pair = tallied("s" * 20 + "a" * 10 + "s" * 20, "s" * 50).pairs["left-right"]
     assert (pair.false_alarms, pair.injected, pair.wrong) == (1, [], 10)
+
+
+def test_a_camera_of_which_nothing_came_at_all_is_named():
+    tally = Tally()
+    for _ in range(2):
+        tally.add(Verdict("bench", "left-right", None, State.ASYNC, Basis.NONE, cause=Cause.MISSING, camera="left"))
+    assert (answer(tally).state, answer(tally).text) == (
+        State.ASYNC,
+        "OUT OF SYNC. left-right: no frame of left came.",
+    )
