@@ -7,10 +7,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+import yaml
 
 from pipeline.errors import InputError
 from pipeline.frame import NS_PER_S, StampReference
 from tests.guest.machine import GREY_SMALL, LEFT, PERIOD_NS, RIGHT, configuration, control, gaps_agree, watched
+from tests.programs import inside
 
 DRIVER = Path("/sys/bus/platform/drivers/vivid")
 MISSING_WITHIN_NS = 3 * PERIOD_NS + NS_PER_S // 2
@@ -134,7 +136,7 @@ def test_a_fatal_error_while_streaming_is_survived(vivid):
         frames = run.until_frames("right", 10, epoch=1)
         assert frames[0].sequence <= 1
         assert {one.epoch for one in run.of("left")} == {0}
-        assert any("right: reading from it failed: Input/output error" in text for text in run.log)
+        assert any(text.startswith("right: ") and "failed: Input/output error" in text for text in run.log)
         run.until(lambda: run.status and run.status.cameras["right"].restarts == 1)
         assert run.status.cameras["left"].restarts == 0
         run.until(lambda: run.begun("restarted", "right"))
@@ -229,6 +231,19 @@ def test_a_camera_that_is_not_there_is_an_error_that_names_those_that_are(vivid)
     said = str(caught.value)
     assert "source.cameras.right.device: no camera '/dev/video9'" in said
     assert "/dev/video0 (vivid, platform:vivid-000), /dev/video2 (vivid, platform:vivid-001)" in said
+
+
+def test_what_the_command_proposes_is_valid_and_delivers(vivid, tmp_path):
+    listed = inside("cameras", cwd=tmp_path).stdout
+    assert "/dev/video0  vivid  platform:vivid-000" in listed
+    assert "YUYV" in listed
+    proposed = {**configuration(), **yaml.safe_load(listed.partition("\n\n")[2])}
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(proposed))
+    validated = inside("validate", "rig.yaml", cwd=tmp_path)
+    assert (validated.returncode, "left-right (in sync within" in validated.stdout) == (0, True), validated.stderr
+    with watched(proposed) as run:
+        run.until_frames("left", 2)
+        run.until_frames("right", 2)
 
 
 def test_a_camera_that_another_program_streams_from_is_an_error(vivid):
