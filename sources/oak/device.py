@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.errors import InputError, RunError
+from pipeline.errors import InputError, RunError, SyncwatchError
 from sources.oak.settings import OakDeviceSettings, OakSettings
 
 
@@ -25,7 +25,7 @@ class Built:
 
 
 def build_on_device(dai: Any, wanted: OakDeviceSettings, settings: OakSettings) -> Built:
-    """Raises NotThereError, InputError where it is not clear which device is meant, RunError for one that fails."""
+    """Raises NotThereError, InputError where it is unclear what is meant or a camera is absent, else RunError."""
     try:
         info = _found(dai, wanted.device)
     except RuntimeError as error:
@@ -36,13 +36,17 @@ def build_on_device(dai: Any, wanted: OakDeviceSettings, settings: OakSettings) 
     except RuntimeError as error:
         raise RunError(f"OAK {name} cannot be opened: {error}") from None
     try:
+        _check_sockets(device, name, wanted)
         device.setMaxReconnectionAttempts(0)  # it would come back with its counters set back and not say so
         _set_role(dai, device, name, wanted)
         pipeline = dai.Pipeline(device)
         outputs = {camera: _output(dai, pipeline, socket, settings) for camera, socket in wanted.cameras.items()}
-    except (RuntimeError, ValueError, RunError) as error:
+    except (RuntimeError, ValueError) as error:
         device.close()
-        raise error if isinstance(error, RunError) else RunError(f"OAK {name} cannot be set up: {error}") from None
+        raise RunError(f"OAK {name} cannot be set up: {error}") from None
+    except SyncwatchError:
+        device.close()
+        raise
     return Built(name, pipeline, outputs, device.close)
 
 
@@ -65,6 +69,13 @@ def _found(dai: Any, wanted: str | None) -> Any:
     if len(others) > 1:
         raise InputError(f"several OAKs are found ({names}): say by 'device' which are meant")
     return others[0]
+
+
+def _check_sockets(device: Any, name: str, wanted: OakDeviceSettings) -> None:
+    there = [socket.name for socket in device.getConnectedCameras()]
+    absent = [socket for socket in wanted.cameras.values() if socket not in there]
+    if absent:
+        raise InputError(f"OAK {name} has no camera at {absent[0]}: it has {', '.join(there) or 'none'}")
 
 
 def _set_role(dai: Any, device: Any, name: str, wanted: OakDeviceSettings) -> None:

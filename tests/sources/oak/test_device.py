@@ -49,6 +49,9 @@ class StandIn:
             def getDeviceByIdOrName(wanted):
                 return wanted in (*names, *hidden), Info(wanted)
 
+            def getConnectedCameras(self):
+                return [SimpleNamespace(name=f"CAM_{letter}") for letter in ("AB" if fails == "socket" else "ABC")]
+
             def setMaxReconnectionAttempts(self, count):
                 calls.append(("reconnect", count))
 
@@ -132,6 +135,13 @@ def test_a_device_that_cannot_be_set_up_is_said_and_given_back(fails, text):
     with pytest.raises(RunError, match=text):
         build_on_device(dai, OakDeviceSettings(sync="master"), SETTINGS)
     assert fails in {"search", "open"} or dai.calls[-1] == "close"
+
+
+def test_a_camera_that_the_device_does_not_have_is_bad_input_that_names_those_it_has():
+    dai = StandIn(ID, fails="socket")
+    with pytest.raises(InputError, match=f"OAK {ID} has no camera at CAM_C: it has CAM_A, CAM_B"):
+        build_on_device(dai, OakDeviceSettings(), SETTINGS)
+    assert dai.calls[-1] == "close"
 
 
 @pytest.mark.parametrize(
