@@ -123,6 +123,13 @@ def test_a_camera_that_fails_is_opened_anew_with_a_new_epoch(machine, caplog, tr
     assert not fake.is_open
 
 
+def test_a_camera_that_comes_back_with_another_size_goes_on_in_a_new_epoch(machine):
+    fake = machine.plug("video0", FakeCamera([Shot(), failure(errno.EIO), Shot()]))
+    fake.steps.insert(1, lambda: setattr(fake, "sizes", ((64, 48),)))
+    frames, _ = machine.run()
+    assert [(frame.epoch, frame.image.shape) for frame in frames] == [(0, (16, 32)), (1, (48, 64))]
+
+
 @pytest.mark.parametrize("request_number", [abi.QBUF, abi.STREAMON, abi.REQBUFS])
 def test_a_refusal_of_the_driver_is_tried_again(machine, request_number):
     fake = FakeCamera([*shots(2), failure(errno.EIO), *shots(2)])
