@@ -83,16 +83,21 @@ def _ground(pair: PairTally) -> str:
 def _stretches(pair: PairTally) -> str:
     """Since when and how it is out of sync: the longest stretches, in order of time."""
     longest = sorted(pair.stretches, key=lambda stretch: -stretch.frames)[:TOLD_STRETCHES]
-    told = [_stretch(stretch) for stretch in pair.stretches if stretch in longest]
+    told, explained = [], set()
+    for stretch in (one for one in pair.stretches if one in longest):
+        told.append(_stretch(stretch, explain=stretch.first.cause not in explained))
+        explained.add(stretch.first.cause)
     more = len(pair.stretches) - len(told)
     return " ".join(told) + (f" And {more} shorter stretch{'es' * (more > 1)}." if more > 0 else "")
 
 
-def _stretch(stretch: Stretch) -> str:
+def _stretch(stretch: Stretch, *, explain: bool) -> str:
+    """explain: what its cause means."""
     first = stretch.first
     words = describe(replace(first, offset_ns=stretch.offset_ns)) if stretch.offset_ns else describe(first)
     where = "" if first.frame is None else f"Frames {first.frame} to {stretch.last_frame}: "
-    cause = f" ({first.cause.value}: {CAUSE_WORDS[first.cause]})" if first.cause else ""
+    meaning = f": {CAUSE_WORDS[first.cause]}" if first.cause and explain else ""
+    cause = f" ({first.cause.value}{meaning})" if first.cause else ""
     return f"{where}{words}{cause}."
 
 

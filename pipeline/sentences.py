@@ -16,6 +16,9 @@ MOST_EVENTS = 4
 WHOLE = 0.1
 """An offset this close to whole frames, in frames, is told in frames."""
 
+SILENT_S = 1.0
+"""What goes on to the end is told with when it was last seen, where nothing could be judged for so long since."""
+
 NOTE_WORDS: Mapping[str, str] = {
     Note.SEQUENCE_OFFSET: "the cameras count their frames from different numbers",
     Note.DROP: "frames were lost",
@@ -50,7 +53,7 @@ def said(timeline: Timeline) -> str:
 def happened(timeline: Timeline) -> list[str]:
     """A sentence for each of the first events, with the time, the camera and the amount; empty where none began."""
     begun = [mark for mark in timeline.marks if mark.kind.endswith(" onset")]
-    words = [f"{_capital(_told(mark, timeline))}." for mark in begun[:MOST_EVENTS]]
+    words = [f"{capital(_told(mark, timeline))}." for mark in begun[:MOST_EVENTS]]
     more = len(begun) - MOST_EVENTS
     if more > 0:
         words.append("One more event follows." if more == 1 else f"{more} more events follow.")
@@ -62,7 +65,8 @@ def noticed(timeline: Timeline) -> list[str]:
     return [NOTE_WORDS.get(mark.text, mark.text) for mark in timeline.marks if mark.kind == "note"]
 
 
-def _capital(text: str) -> str:
+def capital(text: str) -> str:
+    """The text with a capital in front."""
     return text[:1].upper() + text[1:]
 
 
@@ -98,9 +102,18 @@ def _when(mark: Mark, timeline: Timeline) -> str:
     last_s = alike[at - 1].at_s if at else 0.0
     begun_s = mark.at_s if mark.since_s is None or mark.since_s < last_s else mark.since_s
     lasting = end is None or end.text.startswith("to the end")
+    if lasting and (seen_s := _last_seen_s(timeline)) < timeline.duration_s - SILENT_S:
+        return f"from {begun_s:.1f} s on, as last seen at {seen_s:.1f} s,"
     if begun_s * 1000 < 2 * timeline.period_ms and lasting:
         return "all the time"
     return f"from {begun_s:.1f} s on" if lasting or end is None else f"from {begun_s:.1f} s to {end.at_s:.1f} s"
+
+
+def _last_seen_s(timeline: Timeline) -> float:
+    """Until when something was said of the pair; to its end where nothing ever was."""
+    return max(
+        (span.to_s for span in timeline.said if not span.what.startswith("unknown")), default=timeline.duration_s
+    )
 
 
 def _amount(mark: Mark, timeline: Timeline) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.answer import Answer
 from pipeline.report.recorder import PairRecord
-from pipeline.sentences import happened
+from pipeline.sentences import capital, happened
 from pipeline.tally import ENOUGH
 from pipeline.verdict import Basis, State
 from pipeline.words import REASON_WORDS
@@ -25,7 +25,7 @@ def _in_sync(record: PairRecord) -> str:
     apart = "" if offset is None else f", {abs(offset['mean']):.1f} ms apart on average"
     expected = "" if not record.pair.expected_offset_ns else ", as far apart as is expected of them"
     by = "pictures" if record.bases[Basis.CONTENT] >= record.bases[Basis.TIMESTAMPS] else "timestamps alone"
-    return (
+    return capital(
         f"{first} and {second} take their pictures together{expected}{apart}: so say the {by}, in "
         f"{100 * record.coverage:.0f} % of the frames; {_others(record)}."
     )

@@ -76,6 +76,10 @@ def _told(numbers: Message, *, several: bool) -> str:
         lines.append(f"<p>{head}{escape(' '.join(pair['told']))}</p>")
         if pair["notes"]:
             lines.append(f'<p class="small">Noticed besides: {escape(_noticed(pair["notes"]))}.</p>')
+    first = next(iter(numbers["cameras"].values()))
+    if first["stamps_made_up"] and "expected_fps" in first:
+        rate = f"{first['expected_fps']:g} frames a second"
+        lines.append(f'<p class="small">The recording has no timestamps: all times here count {rate}.</p>')
     return "".join(lines)
 
 
@@ -233,8 +237,8 @@ def _cameras(recorder: Recorder, numbers: Message) -> str:
         "expected",
         "frames",
         "lost",
-        "without partner",
-        "delivered twice",
+        "unpaired",
+        "doubled",
         "restarts",
     ]
     rows = []
@@ -244,17 +248,21 @@ def _cameras(recorder: Recorder, numbers: Message) -> str:
         counts = [str(camera.get(what, "-")) for what in ("frames", "drops", "unpaired", "duplicates", "restarts")]
         jitter = [_ms(camera.get(what)) for what in ("jitter_p50_ms", "jitter_p99_ms")]
         rows.append([name, size, fps, f"{camera.get('expected_fps', 0):g}", *counts, *jitter])
-    plots = "".join(_cadence(record) for record in recorder.cameras.values())
+    made_up = all(record.synthesised for record in recorder.cameras.values())
+    plots = MADE_UP if made_up else "".join(map(_cadence, recorder.cameras.values()))
     return (
         f"<section><h2>Cameras: lost frames and jitter</h2>"
-        f"{table([*titles, 'jitter, usual', 'jitter, 1 in 100'], rows)}{plots}</section>"
+        f"{table([*titles, 'jitter, usual', '1 in 100'], rows)}{plots}</section>"
     )
+
+
+MADE_UP = "<p>The recording has no timestamps of its own: nothing is known of the time between frames.</p>"
 
 
 def _cadence(record: CameraRecord) -> str:
     head = f"<h3>{escape(record.camera.name)}: time between frames</h3>"
     if record.synthesised or not record.series.known("interval_ms").any():
-        return f"{head}<p>The recording has no timestamps of its own.</p>"
+        return f"{head}{MADE_UP}"
     return (
         f"{head}<p>By the camera's own stamps; the grey line is what its frame rate asks for. Width is jitter, red "
         f"dots are gaps in which frames were lost.</p>{_plot(cadence_plot(record))}"
