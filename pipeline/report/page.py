@@ -121,12 +121,15 @@ def _facts(numbers: Message) -> str:
     drift = _main_drift(numbers)
     facts = {
         **_main_offset(numbers),
-        "drift, last seen": "none seen" if drift is None else f"{drift:+.1f} ppm",
+        "drift, last seen": _NO_DRIFT[bool(numbers["decided"])] if drift is None else f"{drift:+.1f} ppm",
         "of the frames judged": _percent(numbers["coverage"]),
         f"{numbers['frames']} frames": f"{numbers['duration_s']:.1f} s",
         "counts as in sync": f"± {numbers['tolerance_ms']:.1f} ms",
     }
     return '<ul class="facts">' + "".join(f"<li><b>{value}</b>{name}</li>" for name, value in facts.items()) + "</ul>"
+
+
+_NO_DRIFT = {True: "none seen", False: "unknown"}
 
 
 def _main_offset(numbers: Message) -> dict[str, str]:
@@ -175,6 +178,8 @@ def _witnesses(record: PairRecord, numbers: Message) -> str:
 def _drift(record: PairRecord, numbers: Message) -> str:
     head, drift = "<h3>Drift</h3>", numbers["drift"]
     seen = record.series.known("drift_stamps_ppm").any() or record.series.known("drift_pictures_ppm").any()
+    if not numbers["decided"]:
+        return f"{head}<p>Nothing is known of it: no frame could be judged.</p>"
     if not seen:
         return f"{head}<p>No drift was seen that is more than chance.</p>"
     told = [

@@ -67,7 +67,9 @@ def _when(moment: Moment) -> str:
 
 def _what(moment: Moment) -> str:
     verdict = moment.verdict
-    if verdict.state is not State.ASYNC:
+    if verdict.state is State.UNKNOWN:
+        return "An example, where most moved. It cannot be told whether these were taken together."
+    if verdict.state is State.SYNC:
         return "An example, where most moved: nothing was out of sync for long."
     text = describe(verdict)
     cause = "" if verdict.cause is None else f" ({verdict.cause.value}: {CAUSE_WORDS[verdict.cause]})"

@@ -106,3 +106,9 @@ def test_of_a_run_without_a_verdict_nothing_can_be_said():
 def test_every_note_has_its_words():
     assert set(NOTE_WORDS) == set(Note)
     assert said(timeline(Mark(0.0, "note", "drop"))).endswith("Noticed besides: frames were lost.")
+
+
+def test_what_was_last_seen_long_before_the_end_is_told_with_that():
+    heard = timeline(onset("slip", offset_ms=66.7))
+    heard.said = [Span(0.0, 4.0, "sync"), Span(4.0, 6.5, "async slip"), Span(6.5, 10.0, "unknown no_motion")]
+    assert said(heard).startswith("From 4.0 s on, as last seen at 6.5 s, right is 2 frames (66.7 ms) ahead of left")

@@ -73,6 +73,13 @@ def test_the_page_starts_with_the_answer_and_needs_nothing_else(made, clip):
     assert len(seen.ids) == len(set(seen.ids))
 
 
+def test_where_nothing_can_be_told_nothing_is_claimed(made):
+    text = page(made, "static").text
+    assert "Nothing is known of it: no frame could be judged." in text
+    assert "nothing was out of sync" not in text
+    assert "No drift was seen" not in text
+
+
 def test_a_slip_is_told_with_its_time_amount_and_remedy(made):
     seen, told = page(made, "slip"), numbers(made, "slip")
     assert "right is a frame (33." in seen.text
