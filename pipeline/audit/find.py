@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -117,7 +118,12 @@ def _file(path: Path) -> Found | None:
 
 
 def _format(folder: Path) -> str | None:
-    return next((name for name, one in FORMATS.items() if name != HALVES and one.matches([folder])), None)
+    """A folder below that cannot be looked into is no part of a recording: it is told when it is its turn."""
+    for name, one in FORMATS.items():
+        with suppress(InputError, OSError):
+            if name != HALVES and one.matches([folder]):
+                return name
+    return None
 
 
 def _is_archive(folder: Path, name: str) -> bool:
@@ -159,7 +165,12 @@ class _LoneCamera:
 def _lone_camera(folder: Path) -> _LoneCamera | None:
     """The only camera that a folder holds. A few pictures are no recording, and a video with two views is one."""
     for name, one in FORMATS.items():
-        words = one.lone_camera(folder)
+        try:
+            words = one.lone_camera(folder)
+        except (InputError, OSError):
+            if name == "videos":
+                raise
+            words = None
         if words is None or (name == "folders" and len(files.picture_names(folder)) < ENOUGH):
             continue
         video = files.videos(folder)[0] if name == "videos" else None

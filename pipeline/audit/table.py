@@ -53,7 +53,7 @@ def table(records: Sequence[AuditShape], width: int) -> Table:
     heads = ["recording", "format", "cameras", "frames", "length", "answer", "cause", "offset", "judged", "why"]
     kept = [place for place, head in enumerate(heads) if wide or head not in LEFT_OUT_WHERE_NARROW]
     made = Table(
-        *(heads[place] for place in kept), box=HEAVY_HEAD if wide else SIMPLE, pad_edge=wide, collapse_padding=True
+        *(heads[place] for place in kept), box=HEAVY_HEAD if wide else SIMPLE, pad_edge=wide, collapse_padding=not wide
     )
     for column in made.columns:
         column.justify = "right" if column.header in NUMBERS else "left"

@@ -69,7 +69,14 @@ def recognise(paths: Sequence[Path], wanted: str = "auto") -> str:
 
 
 def read_recording(request: Request) -> Recording:
-    """Reads what is cheap to know of a recording: its streams, but no picture."""
+    """Reads what is cheap to know of a recording: its streams, but no picture. Raises InputError."""
+    try:
+        return _read(request)
+    except OSError as error:
+        raise files.unreadable(Path(error.filename or request.paths[0]), error) from error
+
+
+def _read(request: Request) -> Recording:
     settings = request.settings
     told = settings.layout != "auto" and settings.format in {"auto", "halves"}  # then nothing has to be recognised
     name = "halves" if told else recognise(request.paths, settings.format)

@@ -232,6 +232,21 @@ def test_a_folder_that_cannot_be_listed_is_named(tmp_path, monkeypatch):
         opened(tmp_path)
 
 
+def test_a_folder_below_that_cannot_be_looked_into_is_named(tmp_path, monkeypatch):
+    secret = tmp_path / "secret"
+    secret.mkdir()
+    is_file = Path.is_file
+
+    def refuse(path):
+        if secret in path.parents:
+            raise PermissionError(13, "Permission denied", str(path))
+        return is_file(path)
+
+    monkeypatch.setattr(Path, "is_file", refuse)
+    with pytest.raises(InputError, match=rf"^{secret}/.*: cannot be read: Permission denied$"):
+        opened(tmp_path)
+
+
 @pytest.mark.parametrize(
     "settings",
     [

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+from pathlib import Path
 
 import pytest
 
@@ -114,6 +116,22 @@ def test_a_video_that_is_none_is_told_and_what_lies_below_is_found(tmp_path):
     assert told["day/rig"] == "folders"
     assert "cannot be opened as a video" in told["day"]
     assert len(told) == 2
+
+
+def test_a_folder_that_cannot_be_looked_into_hides_nothing_beside_it(tmp_path, monkeypatch):
+    """As for somebody who is not root: both listing it and asking for a file in it are refused."""
+    write_folders(tmp_path / "day" / "rig", 12)
+    secret = tmp_path / "day" / "secret"
+    secret.mkdir()
+    scandir, is_file = os.scandir, Path.is_file
+
+    def refuse(path):
+        if Path(path) == secret or secret in Path(path).parents:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(os, "scandir", lambda path: refuse(path) or scandir(path))
+    monkeypatch.setattr(Path, "is_file", lambda path: refuse(path) or is_file(path))
+    assert found(tmp_path) == {"day/rig": "folders", "day/secret": f"{secret}: cannot be read: Permission denied"}
 
 
 def test_special_files_are_left_alone(tmp_path):
