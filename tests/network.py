@@ -21,7 +21,7 @@ from tests.programs import ROOT
 EXAMPLES = ROOT / "examples"
 
 
-def wait_for(condition: Callable[[], Any], seconds: float = 15) -> Any:
+def wait_for(condition: Callable[[], Any], seconds: float = 60) -> Any:
     deadline = time.monotonic() + seconds
     while not (result := condition()):
         assert time.monotonic() < deadline, "waited in vain"
@@ -66,7 +66,7 @@ def subscriber(folder: Path, *arguments: str) -> Iterator[Subscriber]:
         yield made
     finally:
         made.process.send_signal(signal.SIGINT)
-        assert made.process.wait(10) == 0
+        assert made.process.wait(60) == 0
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from pipeline.cli.app import main
 from tests.frames import texture
 
 ROOT = Path(__file__).resolve().parent.parent
-WAIT_S = 60
+WAIT_S = 110
 
 
 def syncwatch(*arguments: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:

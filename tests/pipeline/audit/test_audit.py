@@ -211,9 +211,9 @@ def test_a_signal_ends_it_and_the_same_command_goes_on(tmp_path, number, status)
         assert (other.returncode, other.stdout) == (2, "")
         assert "another audit is writing there" in other.stderr
         process.send_signal(number)
-        output, errors = process.communicate(timeout=20)
+        output, errors = process.communicate(timeout=40)
         assert process.returncode == status, errors
-        wait_for(lambda: not processes_of(process.pid), 10)
+        wait_for(lambda: not processes_of(process.pid), 40)
     assert "1 recording: 1 cannot tell." in output
     assert "interrupted: the same command goes on from here" in errors
     assert "Traceback" not in errors

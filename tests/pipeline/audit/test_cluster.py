@@ -89,7 +89,7 @@ def test_nothing_is_lost_or_doubled_when_a_worker_is_killed_midway(tmp_path, sit
         kept = tmp_path / "audit" / "audit.jsonl"
         wait_for(lambda: kept.exists() and kept.read_text().endswith("\n"), 40)
         os.kill(workers[0].pid, signal.SIGKILL)
-        workers[0].wait(10)
+        workers[0].wait(40)
         (tmp_path / "go").touch()
         output, errors = process.communicate(timeout=60)
     assert process.returncode == 4, errors

@@ -14,7 +14,7 @@ from pipeline.frame import Camera
 from pipeline.tally import Tally
 from pipeline.verdict import Basis, Cause, Reason, State, Verdict
 from tests.formats import EPOCH_NS, rendered, scene_of, write_png
-from tests.programs import syncwatch
+from tests.programs import inside
 
 PERIOD_NS = 50_000_000
 ROUNDS = 36
@@ -56,7 +56,7 @@ def test_a_long_recording_in_sync_is_known_from_parts_of_it_and_losses_from_all_
     listing = root / "mav0" / "cam1" / "data.csv"
     rows = listing.read_text().splitlines(keepends=True)
     listing.write_text("".join(rows[:333] + rows[336:]))
-    done = syncwatch("check", root, cwd=tmp_path)
+    done = inside("check", root, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "In sync." in done.stdout
     assert "The headers of all 2160 frames were read: right 3 lost." in done.stdout
@@ -64,7 +64,7 @@ def test_a_long_recording_in_sync_is_known_from_parts_of_it_and_losses_from_all_
 
 
 def test_pictures_that_slip_near_the_end_are_found_though_stamps_are_perfect(tmp_path, clip):
-    done = syncwatch("check", write_long(tmp_path / "long", clip, shown=lambda n: n + (n > 1900)), cwd=tmp_path)
+    done = inside("check", write_long(tmp_path / "long", clip, shown=lambda n: n + (n > 1900)), cwd=tmp_path)
     assert done.returncode == 3, done.stderr
     assert "OUT OF SYNC." in done.stdout
     first = int(done.stdout.split("Frames ")[1].split(" ")[0])
@@ -77,7 +77,7 @@ def test_where_stamps_are_suspect_pictures_are_looked_at_first(tmp_path, clip):
     def late(index):
         return index * PERIOD_NS + (20_000_000 if 600 <= index < 720 else 0)
 
-    done = syncwatch("check", write_long(tmp_path / "long", clip, stamp_ns=late), cwd=tmp_path)
+    done = inside("check", write_long(tmp_path / "long", clip, stamp_ns=late), cwd=tmp_path)
     assert "Of 2160 frames" in done.stdout
     assert done.returncode == 0, "pictures outrank stamps: they show that nothing has changed"
     assert "of 1200 frames could be judged" in done.stdout, "four parts spread over it, and the one with the suspect"
@@ -85,7 +85,7 @@ def test_where_stamps_are_suspect_pictures_are_looked_at_first(tmp_path, clip):
 
 def test_a_part_can_be_asked_for(tmp_path, clip):
     root = write_long(tmp_path / "long", clip, shown=lambda n: n + (n > 1900))
-    done = syncwatch("check", root, "--from", "10", "--to", "20", cwd=tmp_path)
+    done = inside("check", root, "--from", "10", "--to", "20", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "of 200 frames could be judged" in done.stdout
 
@@ -95,7 +95,7 @@ def test_a_long_recording_that_never_moves_is_looked_at_as_a_whole(tmp_path, cli
         (tmp_path / "still" / side).mkdir(parents=True)
         for index in range(ROUNDS * 60):
             os.link(clip / side / "000.png", tmp_path / "still" / side / f"{index:05}.png")
-    done = syncwatch("check", tmp_path / "still", cwd=tmp_path)
+    done = inside("check", tmp_path / "still", cwd=tmp_path)
     assert done.returncode == 4, done.stdout + done.stderr
     assert "show too little: all of it is looked at" in done.stderr
     assert "of 2160 frames could be judged" in done.stdout

@@ -12,7 +12,7 @@ import yaml
 
 import syncwatch as face
 from tests.network import wait_for
-from tests.programs import ROOT, syncwatch, write_folders
+from tests.programs import ROOT, inside, syncwatch, write_folders
 
 QUIET = ("--set", "sinks={console: {}}")
 
@@ -54,7 +54,7 @@ def test_all_errors_come_at_once_with_their_places(tmp_path):
         "faults:\n"
         "  - {type: slip, frame: 1}\n"
     )
-    done = syncwatch("validate", "bad.yaml", cwd=tmp_path)
+    done = inside("validate", "bad.yaml", cwd=tmp_path)
     assert done.returncode == 2
     places = [line for line in done.stderr.splitlines() if ": error: " in line]
     assert [line.split(": error: ")[1].split(":")[0] for line in places] == [
@@ -67,27 +67,27 @@ def test_a_fault_on_a_camera_that_does_not_exist_is_placed(tmp_path):
     (tmp_path / "c.yaml").write_text(
         "source: {type: synthetic}\ndetectors: {timestamp: }\nfaults:\n  - {type: slip, camera: top}\n"
     )
-    done = syncwatch("run", "c.yaml", cwd=tmp_path)
+    done = inside("run", "c.yaml", cwd=tmp_path)
     assert done.returncode == 2
     assert "c.yaml:4:26: error: faults[0].camera: no camera 'top': this rig has left, right" in done.stderr
 
 
 def test_a_pair_of_a_camera_that_does_not_exist_is_placed(tmp_path):
     (tmp_path / "c.yaml").write_text("source: {type: synthetic}\ndetectors: {timestamp: }\npairs: [left-top]\n")
-    done = syncwatch("validate", "c.yaml", cwd=tmp_path)
+    done = inside("validate", "c.yaml", cwd=tmp_path)
     assert (done.returncode, "no camera 'top'" in done.stderr) == (2, True)
 
 
 @pytest.mark.parametrize("command", ["run", "validate", "check"])
 def test_a_missing_configuration_is_one_line(tmp_path, command):
-    done = syncwatch(command, "nothing.yaml", cwd=tmp_path)
+    done = inside(command, "nothing.yaml", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert len(done.stderr.splitlines()) == 1
     assert "nothing.yaml" in done.stderr
 
 
 def test_validate_prints_the_plan(tmp_path):
-    done = syncwatch("validate", cwd=tmp_path)
+    done = inside("validate", cwd=tmp_path)
     assert done.returncode == 0
     assert "left-right (in sync within 3.3 ms)" in done.stdout
     assert "slip (4 s to 8 s)" in done.stdout
@@ -95,22 +95,22 @@ def test_validate_prints_the_plan(tmp_path):
 
 def test_validate_can_leave_the_environment_alone(tmp_path):
     (tmp_path / "c.yaml").write_text("source: {type: replay, path: nowhere}\ndetectors: {timestamp: }\n")
-    assert syncwatch("validate", "c.yaml", cwd=tmp_path).returncode == 2
-    assert syncwatch("validate", "--no-environment", "c.yaml", cwd=tmp_path).returncode == 0
+    assert inside("validate", "c.yaml", cwd=tmp_path).returncode == 2
+    assert inside("validate", "--no-environment", "c.yaml", cwd=tmp_path).returncode == 0
 
 
 def test_init_writes_what_run_would_have_used_and_never_overwrites(tmp_path):
-    assert syncwatch("init", cwd=tmp_path).returncode == 0
+    assert inside("init", cwd=tmp_path).returncode == 0
     assert (tmp_path / "config.yaml").read_text() == (ROOT / "config.yaml").read_text()
     schema = json.loads((tmp_path / "syncwatch.schema.json").read_text())
     assert "source" in schema["properties"]
-    again = syncwatch("init", cwd=tmp_path)
+    again = inside("init", cwd=tmp_path)
     assert again.returncode == 2
     assert "exists already" in again.stderr
 
 
 def test_the_schema_knows_every_key_of_the_default_configuration(tmp_path):
-    schema = json.loads(syncwatch("schema", cwd=tmp_path).stdout)
+    schema = json.loads(inside("schema", cwd=tmp_path).stdout)
     config = yaml.safe_load((ROOT / "config.yaml").read_text())
     assert set(config) <= set(schema["properties"])
     assert schema["additionalProperties"] is False
@@ -133,21 +133,22 @@ def test_the_environment_and_set_change_values(tmp_path):
 def test_check_answers_with_its_status_and_a_sentence(tmp_path, changes, status, headline):
     (tmp_path / "rig.yaml").write_text((ROOT / "config.yaml").read_text())
     arguments = [part for change in ("source.duration_s=2", *changes) for part in ("--set", change)]
-    done = syncwatch("check", "rig.yaml", *arguments, cwd=tmp_path)
+    done = inside("check", "rig.yaml", *arguments, cwd=tmp_path)
     assert (done.returncode, headline in done.stdout) == (status, True), (done.stdout, done.stderr)
 
 
 def test_check_takes_a_recording(tmp_path):
     folder = write_folders(tmp_path / "rig", 30)
-    assert syncwatch("check", folder, "--fps", "10", cwd=tmp_path).returncode == 0
+    assert inside("check", folder, "--fps", "10", cwd=tmp_path).returncode == 0
 
 
 def test_check_can_be_limited_in_time(tmp_path):
     (tmp_path / "rig.yaml").write_text(
-        "source: {type: synthetic, speed: 1.0, duration_s: 3600}\ndetectors: {timestamp: }\n"
+        "source: {type: synthetic, fps: 60, speed: 1.0, duration_s: 3600, width: 64, height: 48}\n"
+        "detectors: {timestamp: }\n"
     )
-    assert syncwatch("check", "rig.yaml", "--for", "1s", cwd=tmp_path).returncode == 0
-    assert syncwatch("check", "rig.yaml", "--for", "soon", cwd=tmp_path).returncode == 2
+    assert inside("check", "rig.yaml", "--for", "1s", cwd=tmp_path).returncode == 0
+    assert inside("check", "rig.yaml", "--for", "soon", cwd=tmp_path).returncode == 2
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -273,7 +274,7 @@ def test_jsonl_on_stdout_moves_the_console_to_stderr(tmp_path):
     ],
 )
 def test_validate_refuses_what_run_would_refuse(tmp_path, setting, said):
-    done = syncwatch("validate", "--set", setting, cwd=tmp_path)
+    done = inside("validate", "--set", setting, cwd=tmp_path)
     assert (done.returncode, said in done.stderr) == (2, True), done.stderr
 
 
@@ -288,13 +289,13 @@ def test_a_type_of_ones_own_that_does_not_work_is_one_line(tmp_path, wanted):
 
 @pytest.mark.parametrize("arguments", [["--help"], *([name, "--help"] for name in ("run", "replay", "check", "init"))])
 def test_help_is_help(tmp_path, arguments):
-    done = syncwatch(*arguments, cwd=tmp_path)
+    done = inside(*arguments, cwd=tmp_path)
     assert (done.returncode, "Usage:" in done.stdout) == (0, True)
 
 
 @pytest.mark.parametrize("arguments", [["rum"], ["run", "a.yaml", "b.yaml"], ["--loud"], ["check"]])
 def test_wrong_arguments_are_one_line_and_status_2(tmp_path, arguments):
-    done = syncwatch(*arguments, cwd=tmp_path)
+    done = inside(*arguments, cwd=tmp_path)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
 
 

@@ -45,7 +45,7 @@ def test_it_prints_its_address_and_ends_at_once_on_a_signal_though_a_page_is_ope
     with closing(connection), connection.getresponse() as answer:
         assert answer.readline() == b"event: fleet\n"
         process.send_signal(number)
-        _, said = process.communicate(timeout=5)
+        _, said = process.communicate(timeout=20)
     assert process.returncode == code
     assert [line for line in said.splitlines() if "Ctrl-C ends it" not in line] == []
 
@@ -60,7 +60,7 @@ def test_for_others_than_this_machine_it_makes_a_token_and_asks_for_it(tmp_path)
         with closing(connection), connection.getresponse() as answer:
             statuses.append(answer.status)
     process.terminate()
-    process.communicate(timeout=5)
+    process.communicate(timeout=40)
     assert statuses == [401, 303]
     assert len(where.query) > len("token=") + 20
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.programs import lines_of, syncwatch, write_folders
+from tests.programs import inside, lines_of, syncwatch, write_folders
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def judged(recording):
 
 
 def test_both_witnesses_fill_every_line_by_default(recording, tmp_path):
-    done = syncwatch("replay", recording, "--fps", "10", "--jsonl", "-", cwd=tmp_path)
+    done = inside("replay", recording, "--fps", "10", "--jsonl", "-", cwd=tmp_path)
     for line in lines_of(done.stdout):
         assert list(line["evidence"]) == ["timestamp", "offset"]
         assert line["content"]["detector"] == "offset"
@@ -68,21 +68,21 @@ def test_the_summary_goes_to_stderr_when_stdout_is_taken(judged):
 
 
 def test_a_jsonl_file_holds_the_same_and_the_console_keeps_stdout(recording, tmp_path):
-    done = syncwatch("replay", recording, "--fps", "10", "--jsonl", tmp_path / "out.jsonl", cwd=tmp_path)
+    done = inside("replay", recording, "--fps", "10", "--jsonl", tmp_path / "out.jsonl", cwd=tmp_path)
     assert done.returncode == 0
     assert len(lines_of((tmp_path / "out.jsonl").read_text())) == 40
     assert "left-right: 40 frames: " in done.stdout
 
 
 def test_detectors_can_be_chosen(recording, tmp_path):
-    done = syncwatch("replay", recording, "--fps", "10", "--detectors", "timestamp", "--jsonl", "-", cwd=tmp_path)
+    done = inside("replay", recording, "--fps", "10", "--detectors", "timestamp", "--jsonl", "-", cwd=tmp_path)
     (line, *_) = lines_of(done.stdout)
     assert list(line["evidence"]) == ["timestamp"]
     assert (line["state"], line["reason"], line["basis"]) == ("unknown", "no_evidence", "none")
 
 
 def test_synthesised_stamps_decide_when_trusted(recording, tmp_path):
-    done = syncwatch(
+    done = inside(
         "replay", recording, "--detectors", "timestamp", "--set", "source.trust_stamps=true", "--fps", "10",
         "--jsonl", "-", cwd=tmp_path,
     )  # fmt: skip
@@ -90,7 +90,7 @@ def test_synthesised_stamps_decide_when_trusted(recording, tmp_path):
 
 
 def test_the_classic_style_prints_every_frame_as_the_report_does(recording, tmp_path):
-    done = syncwatch(
+    done = inside(
         "replay", recording, "--fps", "10", "--fault", "slip:frames=1,start_s=2", "--set", "judge.combine=classic",
         "--set", "sinks.console.style=classic", "--detectors", "timestamp,spatial", cwd=tmp_path,
     )  # fmt: skip
@@ -104,7 +104,7 @@ def test_the_classic_style_prints_every_frame_as_the_report_does(recording, tmp_
 
 def test_more_cameras_make_a_pair_with_each_other_one(tmp_path):
     folder = write_folders(tmp_path / "rig", 6, ("front", "rear", "top"))
-    done = syncwatch("replay", folder, "--fps", "10", "--jsonl", "-", cwd=tmp_path)
+    done = inside("replay", folder, "--fps", "10", "--jsonl", "-", cwd=tmp_path)
     pairs = [(line["frame"], line["pair"]) for line in lines_of(done.stdout)]
     assert pairs == [(frame, pair) for frame in range(6) for pair in ("front-rear", "front-top")]
 
@@ -113,7 +113,7 @@ def test_a_frame_without_partner_still_gets_its_line(tmp_path):
     folder = write_folders(tmp_path / "rig", 8)
     (folder / "right" / "right3.png").unlink()
     (folder / "right" / "right7.png").unlink()
-    done = syncwatch("replay", folder, "--fps", "10", "--jsonl", "-", cwd=tmp_path)
+    done = inside("replay", folder, "--fps", "10", "--jsonl", "-", cwd=tmp_path)
     lines = lines_of(done.stdout)
     assert done.returncode == 0
     assert [(line["state"], line["reason"]) for line in lines if line["frame"] in {3, 7}] == [
@@ -127,7 +127,7 @@ def test_a_truncated_picture_ends_the_run_and_keeps_what_was_judged(tmp_path):
     folder = write_folders(tmp_path / "rig", 10)
     broken = folder / "right" / "right6.png"
     broken.write_bytes(broken.read_bytes()[:-20])
-    done = syncwatch("replay", folder, "--fps", "10", "--jsonl", tmp_path / "out.jsonl", cwd=tmp_path)
+    done = inside("replay", folder, "--fps", "10", "--jsonl", tmp_path / "out.jsonl", cwd=tmp_path)
     assert done.returncode == 2
     assert "right6.png" in done.stderr.splitlines()[-1]
     assert "Traceback" not in done.stderr
@@ -158,7 +158,7 @@ def test_a_truncated_picture_ends_the_run_and_keeps_what_was_judged(tmp_path):
     ],
 )
 def test_bad_input_is_one_clear_line_and_status_2(recording, tmp_path, arguments, said):
-    done = syncwatch("replay", *(item.format(recording=recording) for item in arguments), cwd=tmp_path)
+    done = inside("replay", *(item.format(recording=recording) for item in arguments), cwd=tmp_path)
     assert done.returncode == 2, done.stderr
     assert done.stdout == ""
     assert said in done.stderr
@@ -166,7 +166,7 @@ def test_bad_input_is_one_clear_line_and_status_2(recording, tmp_path, arguments
 
 
 def test_an_empty_folder_is_refused(tmp_path):
-    done = syncwatch("replay", tmp_path, cwd=tmp_path)
+    done = inside("replay", tmp_path, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
 
 
@@ -205,9 +205,7 @@ def test_what_decides_is_the_same_in_every_run(recording, tmp_path):
     ],
 )
 def test_real_recordings_are_judged_frame_by_frame(recordings, tmp_path, name, frames, pairs):
-    done = syncwatch(
-        "replay", recordings / name, "--fps", "10", "--detectors", "timestamp", "--jsonl", "-", cwd=tmp_path
-    )
+    done = inside("replay", recordings / name, "--fps", "10", "--detectors", "timestamp", "--jsonl", "-", cwd=tmp_path)
     lines = lines_of(done.stdout)
     assert done.returncode == 0
     assert [line["frame"] for line in lines] == list(range(frames))
@@ -220,7 +218,7 @@ def test_sixteen_bit_and_colour_pictures_are_said_once(tmp_path):
         file = folder / "right" / f"right{number}.png"
         image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE).astype(np.uint16) * 257
         cv2.imwrite(str(file), image)
-    done = syncwatch("replay", folder, "--fps", "10", "--detectors", "spatial", "--jsonl", "-", cwd=tmp_path)
+    done = inside("replay", folder, "--fps", "10", "--detectors", "spatial", "--jsonl", "-", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stderr.count("16-bit") == 1
     assert json.loads(done.stdout.splitlines()[2])["state"] == "sync"

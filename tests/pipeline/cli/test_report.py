@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import re
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.pipeline.report.pages import Page
-from tests.programs import syncwatch, write_folders
+from tests.programs import inside, syncwatch, write_folders
 
 SOURCE = "source: {type: synthetic, speed: max, fps: 30, duration_s: 3, width: 320, height: 240, motion: %s}\n"
 DETECTORS = "detectors: {timestamp: {}, offset: {}}\n"
@@ -32,13 +31,9 @@ def made(tmp_path_factory):
     for name, text in CLIPS.items():
         (folder / f"{name}.yaml").write_text(text)
 
-    def run(command):
-        return syncwatch(*command, cwd=folder)
-
     reports = [("report", f"{name}.yaml", "-o", f"{name}.html", "--json", f"{name}.json") for name in CLIPS]
     checks = [("check", f"{name}.yaml") for name in CLIPS]
-    with ThreadPoolExecutor(2) as pool:
-        done = list(pool.map(run, [*reports, *checks]))
+    done = [inside(*command, cwd=folder) for command in [*reports, *checks]]
     said = {name: (done[n], done[n + len(CLIPS)]) for n, name in enumerate(CLIPS)}
     return folder, said
 
@@ -138,7 +133,7 @@ def test_the_numbers_have_the_documented_fields(made):
 
 def test_the_numbers_alone_are_on_standard_output_where_they_are_asked_for(tmp_path):
     folder = write_folders(tmp_path / "<img src=x onerror=alert(1)>&'\"", 20)
-    done = syncwatch("report", folder, "--json", "-", "--fps", "10", cwd=tmp_path)
+    done = inside("report", folder, "--json", "-", "--fps", "10", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["cameras"]["left"]["stamps_made_up"] is True
     assert "The report is in report.html" in done.stderr
@@ -162,7 +157,7 @@ def test_the_numbers_alone_are_on_standard_output_where_they_are_asked_for(tmp_p
 )
 def test_what_cannot_be_done_is_one_line_before_any_work(tmp_path, arguments, complaint):
     (tmp_path / "clip.yaml").write_text(CLIPS["sync"])
-    done = syncwatch("report", *arguments, cwd=tmp_path)
+    done = inside("report", *arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert complaint in done.stderr
     assert len(done.stderr.splitlines()) == 1

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.network import wait_for
-from tests.programs import syncwatch
+from tests.programs import inside, syncwatch
 
 RENDERED = """
 rig: bench
@@ -137,7 +137,7 @@ def test_a_selftest_that_is_interrupted_while_it_records_leaves_nothing(live):
 )
 def test_what_cannot_be_used_is_one_line_and_status_2(tmp_path, arguments, said):
     write(tmp_path, "still", 0.2)
-    done = syncwatch("selftest", *arguments, cwd=tmp_path)
+    done = inside("selftest", *arguments, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert said in done.stderr
     assert "Traceback" not in done.stderr

@@ -176,7 +176,7 @@ def test_a_signal_ends_it_at_once_and_nothing_but_results_is_printed(prefix):
         assert process.stdout is not None
         check(json.loads(process.stdout.readline()), "fleet")
         process.send_signal(signal.SIGTERM)
-        out, errors = process.communicate(timeout=10)
+        out, errors = process.communicate(timeout=40)
     assert (process.returncode, errors) == (143, "")
     assert all(line.startswith("{") for line in out.splitlines())
 

@@ -9,7 +9,7 @@ from pipeline.detectors.offset.loops import closed, measured_pairs
 from pipeline.detectors.offset.weigh import Finding
 from pipeline.frame import NS_PER_MS, Pair
 from tests.observe import observed, pictures, rendered
-from tests.programs import lines_of, syncwatch
+from tests.programs import inside, lines_of
 
 WALK = "rig: bench\nsource: {type: synthetic, motion: handheld, duration_s: 5, width: 320, height: 240, speed: max}\n"
 KEPT = "detectors: {offset: {rig: learned.yaml}}\nsinks: {}\n"
@@ -17,7 +17,7 @@ KEPT = "detectors: {offset: {rig: learned.yaml}}\nsinks: {}\n"
 
 def run(folder, extra=""):
     (folder / "rig.yaml").write_text(WALK + KEPT + extra)
-    return syncwatch("run", "rig.yaml", cwd=folder)
+    return inside("run", "rig.yaml", cwd=folder)
 
 
 def test_what_was_learned_in_sync_is_kept_and_taken_up_again(tmp_path):
@@ -39,7 +39,7 @@ def test_nothing_is_kept_of_a_rig_that_is_out_of_sync(tmp_path):
 def test_a_file_that_is_something_else_is_one_line_and_status_2(tmp_path, setting):
     (tmp_path / "broken.yaml").write_text("{what: is this")
     (tmp_path / "rig.yaml").write_text(WALK + f"detectors: {{offset: {{{setting}: broken.yaml}}}}\nsinks: {{}}\n")
-    done = syncwatch("run", "rig.yaml", cwd=tmp_path)
+    done = inside("run", "rig.yaml", cwd=tmp_path)
     assert done.returncode == 2
     assert "broken.yaml" in done.stderr
     assert "Traceback" not in done.stderr
@@ -47,7 +47,7 @@ def test_a_file_that_is_something_else_is_one_line_and_status_2(tmp_path, settin
 
 def test_a_calibration_that_is_missing_is_one_line_and_status_2(tmp_path):
     (tmp_path / "rig.yaml").write_text(WALK + "detectors: {offset: {calibration: none.yaml}}\nsinks: {}\n")
-    done = syncwatch("run", "rig.yaml", cwd=tmp_path)
+    done = inside("run", "rig.yaml", cwd=tmp_path)
     assert done.returncode == 2
     assert "none.yaml" in done.stderr
 
@@ -59,7 +59,7 @@ def test_a_calibration_is_taken_as_a_start_on_real_pictures(recordings, tmp_path
         row[2], row[6], row[3] = "607.1928", "185.2157", str(shift)
     (tmp_path / "calib.txt").write_text("".join(f"P{n}: {' '.join(row)}\n" for n, row in enumerate(rows)))
     calibration = f"detectors.offset.calibration={tmp_path / 'calib.txt'}"
-    done = syncwatch(
+    done = inside(
         "replay", recordings / "kitti_odo_seq1", "--fps", "10", "--set", calibration, "--jsonl", "-", cwd=tmp_path
     )
     assert done.returncode == 0, done.stderr
@@ -71,7 +71,7 @@ def test_a_share_of_a_core_leaves_windows_out_and_says_so(tmp_path):
     (tmp_path / "rig.yaml").write_text(
         WALK + "detectors: {offset: {cpu_percent: 1}}\nsinks: {jsonl: {path: out.jsonl}}\n"
     )
-    assert syncwatch("run", "rig.yaml", cwd=tmp_path).returncode == 0
+    assert inside("run", "rig.yaml", cwd=tmp_path).returncode == 0
     reasons = [line["evidence"]["offset"]["reason"] for line in lines_of((tmp_path / "out.jsonl").read_text())]
     assert sum(reason == "not looked at: over 1 % of a core" for reason in reasons) > len(reasons) / 2
 

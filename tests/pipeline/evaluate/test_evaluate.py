@@ -15,7 +15,7 @@ from pipeline.evaluate.subsample import SubsampledSource
 from pipeline.evaluate.suite import load_suite
 from syncwatch.testing import ScriptedSource
 from tests.frames import PERIOD_NS, RIG, frame
-from tests.programs import ROOT, syncwatch, write_folders
+from tests.programs import ROOT, inside, syncwatch, write_folders
 
 SUITE = """
 data: clips
@@ -70,7 +70,7 @@ def test_the_spatial_detector_is_right_on_what_it_can_see(evaluated):
 )
 def test_a_suite_that_cannot_run_is_refused(tmp_path, suite, said):
     (tmp_path / "suite.yaml").write_text(suite)
-    done = syncwatch("evaluate", "suite.yaml", cwd=tmp_path)
+    done = inside("evaluate", "suite.yaml", cwd=tmp_path)
     assert done.returncode == 2, done.stderr
     assert said in done.stderr
     assert "Traceback" not in done.stderr
@@ -138,7 +138,7 @@ def test_the_report_needs_nothing_else_and_says_what_is_wrong(staged):
 )
 def test_a_scenario_that_asks_for_what_does_not_exist_is_refused_with_its_place(tmp_path, broken, said):
     (tmp_path / "suite.yaml").write_text(broken)
-    done = syncwatch("evaluate", "suite.yaml", cwd=tmp_path)
+    done = inside("evaluate", "suite.yaml", cwd=tmp_path)
     assert done.returncode == 2, done.stderr
     assert said in done.stderr
     assert done.stderr.startswith("suite.yaml:")
@@ -172,14 +172,14 @@ def test_what_is_wrong_with_a_clip_is_said_at_its_place_in_the_suite(tmp_path, m
 
 def test_single_scenarios_can_be_chosen(tmp_path):
     (tmp_path / "suite.yaml").write_text(STAGED)
-    done = syncwatch("evaluate", "suite.yaml", "--only", "fine", "--json", "-", cwd=tmp_path)
+    done = inside("evaluate", "suite.yaml", "--only", "fine", "--json", "-", cwd=tmp_path)
     assert [run["scenario"] for run in json.loads(done.stdout)["runs"]] == ["fine", "fine"]
-    wrong = syncwatch("evaluate", "suite.yaml", "--only", "stael", cwd=tmp_path)
+    wrong = inside("evaluate", "suite.yaml", "--only", "stael", cwd=tmp_path)
     assert (wrong.returncode, "did you mean 'stale'?" in wrong.stderr) == (2, True)
 
 
 def test_a_suite_that_does_not_exist_is_one_line(tmp_path):
-    done = syncwatch("evaluate", "nope.yaml", cwd=tmp_path)
+    done = inside("evaluate", "nope.yaml", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (2, "syncwatch: error: nope.yaml: there is no such suite file\n")
 
 
@@ -196,7 +196,7 @@ def test_what_cannot_be_written_is_said_in_one_line_before_anything_runs(tmp_pat
     (tmp_path / "suite.yaml").write_text(STAGED)
     (tmp_path / "taken").write_text("")
     (tmp_path / "folder").mkdir()
-    done = syncwatch("evaluate", "suite.yaml", option, target, cwd=tmp_path)
+    done = inside("evaluate", "suite.yaml", option, target, cwd=tmp_path)
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
     assert said in done.stderr
 
@@ -216,7 +216,7 @@ judge: {sync_tolerance_ms: 5}
 
 def test_a_scenario_may_have_a_source_a_buffer_and_a_judge_of_its_own(tmp_path):
     (tmp_path / "suite.yaml").write_text(OWN)
-    done = syncwatch("evaluate", "suite.yaml", "--json", "-", cwd=tmp_path)
+    done = inside("evaluate", "suite.yaml", "--json", "-", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (run,) = json.loads(done.stdout)["runs"]
     assert (run["recording"], run["right"]) == ("own", True)
@@ -225,7 +225,7 @@ def test_a_scenario_may_have_a_source_a_buffer_and_a_judge_of_its_own(tmp_path):
 def test_a_recording_of_unknown_truth_makes_neither_confusion_nor_false_alarms(tmp_path):
     suite = STAGED.replace("recording: rendered\n", "recording: rendered\n    truth: unknown\n")
     (tmp_path / "suite.yaml").write_text(suite.replace(", cause: slip}", "}"))
-    done = syncwatch("evaluate", "suite.yaml", "--only", "stale", "--json", "-", cwd=tmp_path)
+    done = inside("evaluate", "suite.yaml", "--only", "stale", "--json", "-", cwd=tmp_path)
     told = json.loads(done.stdout)
     assert told["confusion"] == told["confusion_by_recording"] == {}
     assert [run["false_alarms"] for run in told["runs"]] == [0, 0]
@@ -247,7 +247,7 @@ def test_there_is_a_scenario_for_every_row_of_the_catalogue():
 def test_a_missing_recording_is_one_line_said_before_anything_runs(tmp_path):
     suite = SUITE.replace("recordings:\n", "recordings:\n  first: {type: synthetic, motion: still, duration_s: 3}\n")
     (tmp_path / "suite.yaml").write_text(suite)
-    done = syncwatch("evaluate", "suite.yaml", cwd=tmp_path)
+    done = inside("evaluate", "suite.yaml", cwd=tmp_path)
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
 
 
@@ -266,11 +266,6 @@ def test_a_suite_runs_from_any_folder_and_tells_how_far_it_is(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "4/4 folders half" in done.stderr
     assert "sigma" in done.stdout
-
-
-def test_a_missing_suite_is_one_line(tmp_path):
-    done = syncwatch("evaluate", "nothing.yaml", cwd=tmp_path)
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
 
 
 @pytest.mark.parametrize("grouped", [True, False])

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from tests.programs import syncwatch
+from tests.programs import inside, syncwatch
 
 
 def config(folder, motion, **source):
@@ -29,14 +29,14 @@ def test_rendered_footage_proves_the_detector(tmp_path):
 
 
 def test_nothing_is_proved_where_nothing_moves(tmp_path):
-    done = syncwatch("selftest", config(tmp_path, "still"), cwd=tmp_path)
+    done = inside("selftest", config(tmp_path, "still"), cwd=tmp_path)
     assert done.returncode == 4
     assert "NOTHING CAN BE PROVED HERE" in " ".join(done.stdout.split())
     assert "nothing moves" in " ".join(done.stdout.split())
 
 
 def test_json_alone_goes_to_standard_output(tmp_path):
-    done = syncwatch("selftest", config(tmp_path, "still"), "--json", "-", cwd=tmp_path)
+    done = inside("selftest", config(tmp_path, "still"), "--json", "-", cwd=tmp_path)
     assert json.loads(done.stdout)["conclusion"] == "not proved"
 
 
@@ -51,21 +51,21 @@ def test_json_alone_goes_to_standard_output(tmp_path):
 )
 def test_wrong_arguments_are_one_line_and_status_2(tmp_path, arguments, said):
     config(tmp_path, "still")
-    done = syncwatch("selftest", *arguments, cwd=tmp_path)
+    done = inside("selftest", *arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
 
 
 def test_a_drive_is_proved_on_real_pictures(recordings, tmp_path):
-    done = syncwatch("selftest", recordings / "kitti_odo_seq1", "--fps", "10", cwd=tmp_path)
+    done = inside("selftest", recordings / "kitti_odo_seq1", "--fps", "10", cwd=tmp_path)
     assert done.returncode == 0, done.stdout
 
 
 def test_a_still_camera_before_a_still_scene_proves_nothing(recordings, tmp_path):
-    assert syncwatch("selftest", recordings / "robot_static", cwd=tmp_path).returncode == 4
+    assert inside("selftest", recordings / "robot_static", cwd=tmp_path).returncode == 4
 
 
 def test_loose_webcams_are_told_as_they_are(recordings, tmp_path):
-    done = syncwatch("selftest", recordings / "webcams_loose", cwd=tmp_path)
+    done = inside("selftest", recordings / "webcams_loose", cwd=tmp_path)
     assert "OUT OF SYNC, and the offset changes" in " ".join(done.stdout.split())
