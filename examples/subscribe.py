@@ -52,7 +52,7 @@ def main() -> None:
         print("listening", flush=True)
         deadline = time.monotonic() + given.seconds
         while not stop.wait(0.02) and time.monotonic() < deadline:
-            show(alive, printer.alive)
+            show(alive, lambda sample: greet(session, printer, sample))
             show(events, printer.event)
             show(status, printer.status)
 
@@ -61,6 +61,22 @@ def show(subscriber: Any, printed: Callable[[zenoh.Sample], None]) -> None:
     """Prints what has arrived. Polling keeps Python off zenoh's own threads, so that the program ends cleanly."""
     while (sample := subscriber.try_recv()) is not None:
         printed(sample)
+
+
+def greet(session: zenoh.Session, printer: Printer, token: zenoh.Sample) -> None:
+    """Asks a rig that appears for its past events, as the advanced subscriber may miss those while new ones come."""
+    printer.alive(token)
+    if token.kind == zenoh.SampleKind.PUT:
+        replies = session.get(
+            f"{str(token.key_expr).removesuffix('/alive')}/event/@adv/**",
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            accept_replies=zenoh.ReplyKeyExpr.ANY,
+            timeout=5.0,
+        )
+        for reply in replies:
+            if reply.ok is not None:
+                printer.event(reply.ok)
 
 
 def config(router: str | None) -> zenoh.Config:

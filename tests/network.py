@@ -7,10 +7,11 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -90,3 +91,87 @@ def routing(endpoints: list[str], example: Path | None = None, **values: Any) ->
         config.insert_json5(key, json.dumps(value))
     with zenoh.open(config):
         yield
+
+
+class Proxy:
+    """A link that can be cut: connections to `endpoint` are passed on to another one.
+
+    `cut` closes them and refuses new ones or, silently, passes nothing on; `mend` undoes it. It holds little, so that
+    who does not read is noticed soon.
+    """
+
+    def __init__(self, to: str) -> None:
+        self._to = _address(to)
+        self._server = socket.socket()
+        self._server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65536)
+        self._server.bind(("127.0.0.1", 0))
+        self._server.listen()
+        self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
+        self._links: list[socket.socket] = []
+        self._open = True
+        self._flowing = threading.Event()
+        self._flowing.set()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def cut(self, *, silently: bool) -> None:
+        if silently:
+            self._flowing.clear()
+        else:
+            self._open = False
+            self._hang_up()
+
+    def mend(self) -> None:
+        self._open = True
+        self._flowing.set()
+
+    def close(self) -> None:
+        self._server.close()
+        self.mend()
+        self._hang_up()
+
+    def _hang_up(self) -> None:
+        for link in self._links:
+            with suppress(OSError):
+                link.shutdown(socket.SHUT_RDWR)
+            link.close()
+        self._links.clear()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._server.accept()
+                far = None
+                if self._open:
+                    with suppress(OSError):
+                        far = self._reach()
+                if far is None:
+                    near.close()
+                    continue
+                self._links += [near, far]
+                for source, sink in ((near, far), (far, near)):
+                    threading.Thread(target=self._pump, args=(source, sink), daemon=True).start()
+
+    def _reach(self) -> socket.socket:
+        far = socket.socket()
+        far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65536)
+        try:
+            far.connect(self._to)
+        except OSError:
+            far.close()
+            raise
+        return far
+
+    def _pump(self, source: socket.socket, sink: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(65536):
+                self._flowing.wait()
+                sink.sendall(data)
+        for end in (source, sink):
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+            end.close()
+
+
+def _address(endpoint: str) -> tuple[str, int]:
+    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+    return host, int(port)
