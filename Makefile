@@ -31,7 +31,7 @@ test-browser: $(INSTALLED)  ## the dashboard and the reports in a headless brows
 	$(BIN)/pytest tests/browser
 
 images: $(INSTALLED)  ## renew the screenshots of the documentation
-	SYNCWATCH_IMAGES=docs/images $(BIN)/pytest tests/browser/test_dashboard.py -k field
+	SYNCWATCH_IMAGES=docs/images $(BIN)/pytest tests/browser/test_dashboard.py -k "field or hundreds"
 
 test-alerts: $(INSTALLED)  ## the alert rules, by promtool (out of Debian's package prometheus)
 	tests/promtool.sh

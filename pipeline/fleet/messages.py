@@ -38,6 +38,7 @@ class HeardPair(Heard):
     offset_ms: float | None = None
     offset_sigma_ms: float | None = None
     coverage: float = 0.0
+    skew_p99_ms: float | None = None
     drift: HeardPace = HeardPace()
 
 
@@ -52,6 +53,7 @@ class HeardCamera(Heard):
     unpaired: int = 0
     duplicates: int = 0
     restarts: int = 0
+    stalls: int = 0
     jitter_p50_ms: float | None = None
     jitter_p99_ms: float | None = None
     conditions: tuple[Words, ...] = ()
@@ -63,6 +65,8 @@ class HeardMonitor(Heard):
     version: Words
     uptime_s: float
     dropped_windows: int = 0
+    latency_p99_ms: float | None = None
+    memory_bytes: int | None = None
 
 
 class HeardStatus(Heard):

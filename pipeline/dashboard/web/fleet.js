@@ -26,11 +26,23 @@ export class FleetPage {
     this.cards.dataset.few = fleet.rigs.length <= FEW;
     this.cards.dataset.many = fleet.rigs.some((rig) => rig.small);
     keyed(this.cards, fleet.rigs, (rig) => rig.name, makeCard, updateCard);
+    this.nameFirsts();
     const tones = new Map();
     for (const rig of fleet.rigs) tones.set(rig.tone, (tones.get(rig.tone) ?? 0) + 1);
     this.summary = { problem: fleet.problem, counts: [...tones] };
     const worst = fleet.rigs[0];
     this.title = worst ? `${GLYPHS[worst.tone]} ${worst.word}: ${worst.name}` : "no rigs";
+  }
+
+  /** The first card of each tone can be gone to by its name; where the page was opened to do so, it is. */
+  nameFirsts() {
+    const named = new Set();
+    for (const { dataset, firstElementChild: link } of this.cards.children) {
+      link.id = named.has(dataset.tone) ? "" : dataset.tone;
+      named.add(dataset.tone);
+    }
+    if (!this.arrived && named.size) document.getElementById(location.hash.slice(1))?.focus();
+    this.arrived = named.size > 0;
   }
 }
 

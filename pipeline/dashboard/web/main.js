@@ -25,7 +25,7 @@ function showSummary(summary) {
 }
 
 function makeCount([tone]) {
-  return el("a", { href: "/", class: "count", "data-tone": tone }, icon(tone), el("span"));
+  return el("a", { href: `/#${tone}`, class: "count", "data-tone": tone }, icon(tone), el("span"));
 }
 
 function showLink(here, silentS, problem) {

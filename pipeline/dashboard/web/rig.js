@@ -60,9 +60,7 @@ export class RigPage {
     );
     this.quiet.hidden = rig.events.length > 0;
     keyed(this.events, rig.events, (event) => event.id, makeEvent, updateEvent);
-    const { version, uptime_s, dropped_windows } = rig.status.monitor;
-    const dropped = dropped_windows ? `, ${dropped_windows} windows dropped under load` : "";
-    say(this.monitor, `syncwatch ${version}, watching for ${duration(uptime_s)}${dropped}`);
+    say(this.monitor, monitorText(rig.status.monitor));
   }
 
   makePair(name) {
@@ -79,6 +77,16 @@ export class RigPage {
   plot(message) {
     for (const [pair, rows] of Object.entries(message.pairs)) this.charts.get(pair)?.add(rows, message.kept_s);
   }
+}
+
+function monitorText({ version, uptime_s, dropped_windows, latency_p99_ms, memory_bytes }) {
+  const said = [
+    `syncwatch ${version}, watching for ${duration(uptime_s)}`,
+    latency_p99_ms === null ? null : `99 % of verdicts within ${Math.round(latency_p99_ms)} ms`,
+    memory_bytes === null ? null : `${Math.round(memory_bytes / 1e6)} MB`,
+    dropped_windows ? `${dropped_windows} windows dropped under load` : null,
+  ];
+  return said.filter(Boolean).join(", ");
 }
 
 /** For how long the pairs that decide the headline have been so, by the monitor's own clock. */
@@ -102,6 +110,7 @@ function updatePair({ parts, dataset }, pair, presence) {
   const more = [
     pair.cause_words,
     pace === null || Math.abs(pace) < LEAST_PPM ? null : `drifts by ${signed(pace)} ppm`,
+    pair.skew_p99_ms === null ? null : `99 % within ${pair.skew_p99_ms.toFixed(1)} ms over the last minute`,
     `${Math.round(100 * pair.coverage)} % of frames decided`,
   ];
   say(parts.more, more.filter(Boolean).join("; "));
@@ -112,6 +121,7 @@ const VALUES = [
   ["dropped", (c) => c.drops, (c) => c.drops > 0],
   ["unpaired", (c) => c.unpaired, (c) => c.unpaired > 0],
   ["doubled", (c) => c.duplicates, (c) => c.duplicates > 0],
+  ["stalls", (c) => c.stalls, (c) => c.stalls > 0],
   ["restarts", (c) => c.restarts, (c) => c.restarts > 0],
   ["jitter (99 %)", (c) => (c.jitter_p99_ms === null ? "–" : `${c.jitter_p99_ms.toFixed(2)} ms`), () => false],
 ];

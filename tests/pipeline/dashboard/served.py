@@ -7,7 +7,7 @@ import http.client
 import json
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 
@@ -19,8 +19,8 @@ from sinks.zenoh_settings import ZenohSettings
 class Served:
     """What is served at `port`; `listener` never starts to listen, and is taken to be connected."""
 
-    def __init__(self, token: str | None, host: str) -> None:
-        self.listener = FleetListener(ZenohSettings())
+    def __init__(self, token: str | None, host: str, monotonic_ns: Callable[[], int]) -> None:
+        self.listener = FleetListener(ZenohSettings(), monotonic_ns=monotonic_ns)
         self.listener.problem = None
         self.fleet = self.listener.fleet
         self.fleet.connected = True
@@ -68,8 +68,10 @@ class Served:
 
 
 @contextmanager
-def served(token: str | None = None, host: str = "127.0.0.1") -> Iterator[Served]:
-    made = Served(token, host)
+def served(
+    token: str | None = None, host: str = "127.0.0.1", *, monotonic_ns: Callable[[], int] = time.monotonic_ns
+) -> Iterator[Served]:
+    made = Served(token, host, monotonic_ns)
     try:
         yield made
     finally:
