@@ -11,7 +11,7 @@ from typing import Protocol
 
 import zenoh
 
-from pipeline.deadline import done_within
+from pipeline.deadline import done_within, ended_within
 from pipeline.errors import InputError, RunError
 from pipeline.zenoh_network import RETRY_EVERY_S
 from pipeline.zenoh_reach import NOBODY, Network, first_words
@@ -105,7 +105,7 @@ class ZenohLink:
         with self._lock:
             self._stopped.set()
         if self._keeper.is_alive():
-            self._keeper.join(STOP_WITHIN_S)
+            ended_within(STOP_WITHIN_S, self._keeper)
         self._close(max(deadline - time.monotonic(), 0.0))
 
     def _is_reached(self) -> bool:

@@ -66,7 +66,7 @@ def watch(
             _show_live(heard, _ticks(stop, LOOK_S, for_s))
         else:
             _print_changes(heard, _ticks(stop, LOOK_S, for_s))
-        if heard.problem is not None:
+        if heard.problem is not None and (as_json or not once):  # else it has been said
             log.warning("%s", heard.problem)
         if stop.number:
             return 128 + stop.number

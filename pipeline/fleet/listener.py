@@ -13,6 +13,7 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
+from pipeline.deadline import ended_within
 from pipeline.errors import InputError
 from pipeline.fleet.messages import HeardEvent, HeardStatus, HeardVerdict, read
 from pipeline.fleet.table import MAX_EVENTS, Fleet
@@ -87,7 +88,7 @@ class FleetListener:
     def stop(self) -> None:
         """Ends listening, within STOP_WITHIN_S even where a router hangs."""
         self._stopping.set()
-        self._thread.join(STOP_WITHIN_S)
+        ended_within(STOP_WITHIN_S, self._thread)
 
     def look_at(self, name: str) -> None:
         """Somebody looks at a rig now, and wants to hear all of it. Any thread; again and again while it lasts."""
