@@ -66,6 +66,7 @@ def test_a_rig_in_the_field(chromium, stage, address, pictures):
         card(page, "cart").locator("a").click()
         expect(word(page)).to_have_text("In sync")
         expect(page.locator(".link")).to_have_text("live")
+        assert page.get_by_role("status").all_inner_texts() == ["live", "In sync"]
         expect(page.locator(".camera")).to_have_count(2)
         page.wait_for_function(
             "() => [...document.querySelectorAll('img.preview')].every((i) => i.naturalWidth === 320)"
@@ -170,7 +171,9 @@ def test_a_page_says_that_its_dashboard_is_gone_and_comes_back_by_itself(chromiu
         expect(page.locator(".link")).to_have_text("live")
         process.terminate()
         process.wait(10)
-        expect(page.locator(".banner")).to_contain_text("Connection to the dashboard lost, trying again")
+        alert = page.get_by_role("alert")
+        expect(alert).to_have_text("Connection to the dashboard lost, trying again.")
+        expect(page.locator(".banner")).to_contain_text("What is below is")
         page.wait_for_function("() => document.title.startsWith('⊘ not live')")
         stage.dashboard("--port", port)
         expect(page.locator(".banner")).to_be_hidden()

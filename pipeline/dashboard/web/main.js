@@ -32,10 +32,11 @@ function showLink(here, silentS, problem) {
   const lost = !here;
   document.documentElement.dataset.link = lost ? "lost" : "live";
   say(link, lost ? "not live" : "live");
-  const since = silentS === null ? "" : ` What is below is ${duration(silentS)} old.`;
-  const said = lost ? `Connection to the dashboard lost, trying again.${since}` : problem && `Nothing can be heard: ${problem}.`;
+  const since = !lost || silentS === null ? "" : `What is below is ${duration(silentS)} old.`;
+  const said = lost ? "Connection to the dashboard lost, trying again." : problem && `Nothing can be heard: ${problem}.`;
   banner.hidden = !said;
-  say(banner, said || "");
+  say(banner.firstElementChild, said || ""); // read aloud when it changes, which the age beside it must not be
+  say(banner.lastElementChild, since);
   const title = lost ? "⊘ not live" : page.title;
   document.title = `${title ?? "…"} · syncwatch`;
 }

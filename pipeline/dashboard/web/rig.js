@@ -12,15 +12,15 @@ export class RigPage {
   constructor(main, name) {
     this.name = name;
     this.hero = {
-      box: el("section", { class: "hero", role: "status" }),
+      box: el("section", { class: "hero" }),
       icon: icon("unsure"),
       name: el("p", { class: "name" }, name),
-      word: el("h1", { class: "word" }, "…"),
+      word: el("span", { role: "status" }, "…"), // read aloud when it changes; what counts seconds is not
       since: el("p", { class: "since" }),
       detail: el("p", { class: "detail" }),
     };
     const { box, ...parts } = this.hero;
-    box.append(parts.icon, el("div", {}, parts.name, parts.word, parts.since, parts.detail));
+    box.append(parts.icon, el("div", {}, parts.name, el("h1", { class: "word" }, parts.word), parts.since, parts.detail));
     this.pairs = el("section", { class: "plots" });
     this.cameras = el("section", { class: "cameras" });
     this.events = el("ol", { class: "events" });
