@@ -62,9 +62,10 @@ methods: $(INSTALLED)  ## every method of the report beside the default, into do
 fleet: $(INSTALLED)  ## 300 rigs through two routers to one monitor, measured into docs/fleet.md (a few minutes)
 	$(BIN)/python -m benchmarks.fleet
 
-bench: $(INSTALLED)  ## what the content offset and rendering cost, as ratios to the report's spatial test
+bench: $(INSTALLED)  ## what the content offset, rendering and a stalled subscriber cost, as ratios
 	$(BIN)/python -m benchmarks.cost
 	$(BIN)/python benchmarks/render.py
+	$(BIN)/python -m benchmarks.stalled
 
 clean:  ## remove what make made
 	rm -rf $(VENV) build dist *.egg-info

@@ -2,7 +2,7 @@
 
     python -m benchmarks.stalled
 
-A rendered rig of 640 x 480 at 30 fps with the default detectors publishes verdicts, statuses and previews. The
+A rendered rig of 320 x 240 at 15 fps with the default detectors publishes verdicts, statuses and previews. The
 subscriber is another process that is stopped (SIGSTOP) once it is connected, so that its link fills up.
 """
 
@@ -22,7 +22,7 @@ from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
 from syncwatch import Frame, Monitor, Status, Verdict
 
-FPS, SECONDS, TURNS = 30, 10, 3
+FPS, SECONDS, TURNS = 15, 8, 3
 PREFIX = "bench/stalled"
 SUBSCRIBER = """
 import json, sys, time, zenoh
@@ -44,7 +44,7 @@ time.sleep(3600)
 
 
 def main() -> None:
-    rendered = SyntheticSource(SyntheticSettings(width=640, height=480, fps=FPS, duration_s=SECONDS), seed=0)
+    rendered = SyntheticSource(SyntheticSettings(width=320, height=240, fps=FPS, duration_s=SECONDS), seed=0)
     rendered.open()
     frames = list(rendered.frames())
     told: dict[bool, list[Status]] = {False: [], True: []}
@@ -65,7 +65,7 @@ def main() -> None:
 def _measured(frames: list[Frame], *, stalled: bool) -> tuple[Status, int]:
     """The last status of a run at real speed, and how many verdicts it had."""
     endpoint = _free_endpoint()
-    zenoh = {"listen": [endpoint], "prefix": PREFIX, "preview": {"every_s": 0.1, "width": 640}}
+    zenoh = {"listen": [endpoint], "prefix": PREFIX, "preview": {"every_s": 0.1, "width": 320}}
     statuses: list[Status] = []
     verdicts: list[Verdict] = []
     config = {"source": {"type": "push"}, "detectors": {"timestamp": {}, "offset": {}}, "sinks": {"zenoh": zenoh}}

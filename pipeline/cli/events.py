@@ -59,6 +59,8 @@ def events(
     """
     file = Path(prefix or PREFIX)
     if file.suffix == ".jsonl" or file.is_file():
+        if connect or listen or mode or network:
+            raise InputError(f"{file}: is a file: --connect, --listen, --mode and --network are for rigs")
         told, status = _of_file(file), DONE
     else:
         settings = fleet_settings(prefix, connect, listen, mode, network)

@@ -87,6 +87,10 @@ def test_a_file_that_is_not_there_is_said():
     assert isinstance(events("nowhere.jsonl").exception, InputError)
 
 
+def test_a_file_is_not_connected_to(file):
+    assert "is a file" in str(events(file, "--connect", "tcp/127.0.0.1:1").exception)
+
+
 def test_events_of_rigs_are_heard():
     prefix = f"test/{uuid.uuid4().hex[:8]}"
     sink = ZenohSink(ZenohSettings(prefix=prefix), rig="cart")
