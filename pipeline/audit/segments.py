@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pipeline.frame import NS_PER_S, Pair
 from pipeline.messages import SegmentShape
-from pipeline.steady import Change, Steady
+from pipeline.steady import PLAIN, Change, Steady
 from pipeline.verdict import Cause, State, Verdict, ms
 
 
@@ -35,7 +35,8 @@ class Segments:
     """The segments of one pair, made as its verdicts come.
 
     A segment begins with a change that lasts: at the frame since when it has been so, but after those that could not be
-    judged. Together they cover every frame.
+    judged, and after those for which a camera was frozen or missing: that is known of each of them. Together they cover
+    every frame.
     """
 
     def __init__(self, pair: Pair, fps: float) -> None:
@@ -80,7 +81,8 @@ class Segments:
         self._at_s.extend([at_s] * (frame + 1 - len(self._at_s)))
 
     def _begin(self, change: Change) -> None:
-        since = change.first.frame if self._open.state is State.UNKNOWN else change.since_frame
+        certain = self._open.state is State.UNKNOWN or self._open.cause in PLAIN
+        since = change.first.frame if certain else change.since_frame
         since = self.frames - 1 if since is None else since
         since = min(max(since, self._open.first_frame), max(self.frames - 1, 0))
         if since > self._open.first_frame:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from pipeline.audit.segments import Segments
 from pipeline.frame import Pair
 from pipeline.verdict import Basis, Cause, Reason, State, Verdict
@@ -51,6 +53,18 @@ def test_every_frame_is_in_one_segment():
 def test_what_does_not_last_makes_no_segment():
     assert told("s" * 10 + "aa" + "s" * 10) == "s0-21"
     assert told("s" * 10 + "uu" + "s" * 10) == "s0-21"
+
+
+def test_a_camera_that_was_missing_for_a_while_is_a_segment_of_its_own():
+    """Whatever the judge says of since when the others have been in sync."""
+    missing = [replace(said(frame, "a"), cause=Cause.MISSING, offset_ns=None) for frame in range(20, 30)]
+    verdicts = [said(n, "s", since=0) for n in range(20)] + missing + [said(n, "s", since=0) for n in range(30, 50)]
+    segments = [(one.first_frame, one.last_frame, one.state, one.cause) for one in cut(verdicts).all()]
+    assert segments == [
+        (0, 19, State.SYNC, None),
+        (20, 29, State.ASYNC, Cause.MISSING),
+        (30, 49, State.SYNC, None),
+    ]
 
 
 def test_too_few_frames_are_undecided():
