@@ -238,7 +238,10 @@ def test_what_the_command_proposes_is_valid_and_delivers(vivid, tmp_path):
     listed = inside("cameras", cwd=tmp_path).stdout
     assert re.search(r"^/dev/video0 +vivid +platform:vivid-000$", listed, re.MULTILINE)
     assert "YUYV" in listed
-    proposed = {**configuration(), **yaml.safe_load(listed.partition("\n\n")[2])}
+    source = yaml.safe_load(listed.partition("\n\n")[2])["source"]
+    virtual = [camera for camera in source["cameras"].values() if camera["device"].startswith("platform:vivid")]
+    proposed = configuration()
+    proposed["source"] = {**source, "cameras": dict(zip(("left", "right"), virtual, strict=True))}
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(proposed))
     validated = inside("validate", "rig.yaml", cwd=tmp_path)
     assert (validated.returncode, "left-right (in sync within" in validated.stdout) == (0, True), validated.stderr
