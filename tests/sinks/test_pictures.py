@@ -15,7 +15,7 @@ from sinks.pictures import PicturesSettings
 from sources.zenoh.samples import read_sample
 from syncwatch.testing import render_rig
 from tests.network import free_endpoint, router, wait_for
-from tests.programs import syncwatch
+from tests.programs import inside
 
 
 def heard(subscriber):
@@ -50,7 +50,7 @@ def test_a_recording_is_published_picture_by_picture(tmp_path, encoding):
 
 
 def test_without_publish_a_router_is_refused(tmp_path):
-    done = syncwatch("replay", tmp_path, "--connect", "tcp/127.0.0.1:7447", cwd=tmp_path)
+    done = inside("replay", tmp_path, "--connect", "tcp/127.0.0.1:7447", cwd=tmp_path)
     assert done.returncode == 2
     assert "--connect is of --publish" in done.stderr
 

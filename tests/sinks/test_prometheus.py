@@ -36,7 +36,7 @@ from pipeline.verdict import (
 )
 from sinks.prometheus import PrometheusSettings, PrometheusSink
 from tests.monitor import Monitor, stereo
-from tests.programs import ROOT, syncwatch
+from tests.programs import ROOT, inside
 
 ALERTS = ROOT / "examples" / "prometheus" / "alerts.yaml"
 PROMTOOL = shutil.which("promtool")
@@ -212,7 +212,7 @@ def test_a_port_that_is_taken_is_one_line(sink, tmp_path):
     with pytest.raises(InputError, match=rf"prometheus: cannot listen at 127.0.0.1:{port}: Address already in use; "):
         made(listen=f"127.0.0.1:{port}").start()
     (tmp_path / "c.yaml").write_text("source: {type: synthetic}\ndetectors: {timestamp: }\n")
-    done = syncwatch("run", "c.yaml", "--set", f"sinks={{prometheus: {{listen: '127.0.0.1:{port}'}}}}", cwd=tmp_path)
+    done = inside("run", "c.yaml", "--set", f"sinks={{prometheus: {{listen: '127.0.0.1:{port}'}}}}", cwd=tmp_path)
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
 
 

@@ -17,7 +17,7 @@ from sources.synthetic.source import SyntheticSource
 from syncwatch import Monitor
 from tests.frames import texture
 from tests.network import wait_for
-from tests.programs import ROOT, syncwatch
+from tests.programs import ROOT, inside
 
 CAMERAS = {"left": 30, "right": 30}
 PERIOD_NS = 33_333_333
@@ -261,8 +261,8 @@ def test_on_the_command_line_nobody_hands_over_frames(tmp_path):
     (tmp_path / "config.yaml").write_text(
         "source: {type: push, cameras: {left: 30, right: 30}}\ndetectors: {timestamp: {}}\n"
     )
-    assert syncwatch("validate", cwd=tmp_path).returncode == 0
-    done = syncwatch("run", cwd=tmp_path)
+    assert inside("validate", cwd=tmp_path).returncode == 0
+    done = inside("run", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
         "syncwatch: error: source push: a program has to hand over the frames: see syncwatch.Monitor"

@@ -110,8 +110,10 @@ def test_set_to_answer_always_it_answers_even_then(method):
 @pytest.mark.parametrize("method", METHODS)
 def test_of_equals_t_wins_or_nobody(method):
     same = {name: [pictures[0]] * COUNT for name, pictures in scene("still").items()}
-    assert {one.state for one in over(method, same, always_answer=True)} == {State.SYNC}
-    assert {one.silence for one in over(method, same, always_answer=False)} == {Reason.NO_MOTION}
+    windows = [window_at(same, n) for n in range(2, 15)]
+    assert {one.state for one in said(method, windows[:2], always_answer=True)} == {State.SYNC}
+    *_, careful = said(method, windows, always_answer=False)
+    assert careful.silence is Reason.NO_MOTION
 
 
 @pytest.mark.parametrize("always_answer", [True, False])
@@ -152,9 +154,10 @@ def blob_mask() -> np.ndarray:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_same_pictures_get_the_same_answer_whatever_random_numbers_were_drawn_before(method):
-    once = over(method, scene("handheld"))
+    windows = [window_at(scene("handheld"), n) for n in range(2, 10)]
+    once = said(method, windows, always_answer=True)
     cv2.setRNGSeed(12345)
-    assert over(method, scene("handheld")) == once
+    assert said(method, windows, always_answer=True) == once
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -33,14 +33,14 @@ def scored(source: dict[str, Any], manipulation: str, base: Path) -> Score:
     return result
 
 
-def rendered(motion: str, seconds: float = 3.5) -> dict[str, Any]:
-    return {"type": "synthetic", "motion": motion, "duration_s": seconds}
+def rendered(motion: str, seconds: float = 3.5, *, width: int = 320, height: int = 240) -> dict[str, Any]:
+    return {"type": "synthetic", "motion": motion, "duration_s": seconds, "width": width, "height": height}
 
 
 @pytest.mark.parametrize("motion", ["handheld", "objects"])
 @pytest.mark.parametrize("manipulation", ["clean", "ahead", "stale"])
 def test_whole_frames_are_measured_to_hundredths_where_things_move(motion, manipulation, tmp_path):
-    result = scored(rendered(motion), manipulation, tmp_path)
+    result = scored(rendered(motion, width=640, height=480), manipulation, tmp_path)
     assert result.decided >= 0.9 * result.windows
     assert result.whole_right == result.measured
     assert max(result.errors) < 0.05

@@ -18,7 +18,7 @@ from pipeline.plan import make_plan
 from pipeline.run import Run
 from pipeline.verdict import Verdict
 from tests.pipeline.faults.streams import delivered, periods, seconds
-from tests.programs import lines_of, syncwatch, write_folders
+from tests.programs import inside, lines_of, write_folders
 
 RECIPES = {
     "seq_offset": ["seq_offset:ids=1"],
@@ -182,7 +182,7 @@ def test_every_recipe_runs_on_a_rendered_scene(name):
 
 def test_recipes_are_composed_on_the_command_line(recording):
     faults = ["--fault", "frozen:", "--fault", "dark:", "--fault", "swap:start_s=2", "--fault", "dead:start_s=3"]
-    done = syncwatch(
+    done = inside(
         "replay", recording, "--fps", "10", *faults, "--detectors", "timestamp", "--jsonl", "-", cwd=recording
     )
     assert done.returncode == 0, done.stderr
