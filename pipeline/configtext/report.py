@@ -9,7 +9,7 @@ import unicodedata
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from pipeline.configtext.secrets import holds_secret, is_secret, without_secret, without_values
+from pipeline.configtext.secrets import holds_secret, is_secret, without_secret, without_url_secrets, without_values
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 Path: TypeAlias = tuple[str | int, ...]
 
 _LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")  # YAML's line breaks: str.splitlines knows others
-_LOGIN = re.compile(r"(?<=://)[^/\s'\"]+(?=@)")
-_QUERY = re.compile(r"(://[^\s'\"?]*\?)([^\s'\"]+)")
 _PLAIN_KEY = re.compile(r"[\w${}-]+")
 _MAX_WIDTH = 110
 _MAX_SHOWN = 60
@@ -92,7 +90,7 @@ class Source:
 
 def argument_source(argument: str) -> Source:
     """The source of ``--set argument``, with a label that stays on one line."""
-    text = masked(f"--set {argument}")
+    text = without_url_secrets(f"--set {argument}")
     label = _printable(without_secret(text))
     return Source(label if len(label) <= _MAX_WIDTH else f"{label[:_MAX_WIDTH]}...", text, is_argument=True)
 
@@ -121,7 +119,7 @@ def show(value: object) -> str:
     """A value as a sentence can hold it: short, on one line, in YAML's words."""
     if value is None:
         return "nothing"
-    value = masked(value) if isinstance(value, str) else value
+    value = without_url_secrets(value) if isinstance(value, str) else value
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dict):
@@ -136,12 +134,6 @@ def show(value: object) -> str:
         return repr(value[:_MAX_SHOWN])[:-1] + "...'"
     text = _printable(repr(value))
     return text if len(text) <= 2 * _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
-
-
-def masked(text: str) -> str:
-    """The text without what may be secret in URLs, login and query; as many characters as before."""
-    text = _LOGIN.sub(lambda found: "*" * len(found.group()), text)
-    return _QUERY.sub(lambda found: found[1] + "*" * len(found[2]), text)
 
 
 def likely(word: str, allowed: Iterable[str]) -> str | None:
@@ -167,7 +159,7 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
 
 
 def _excerpt(line: str, column: int) -> list[str]:
-    line, at = masked(line), column - 1
+    line, at = without_url_secrets(line), column - 1
     start = max(0, min(at - _MAX_WIDTH // 2, len(line) - _MAX_WIDTH)) if len(line) > _MAX_WIDTH else 0
     front = "..." if start else ""
     back = "..." if start + _MAX_WIDTH < len(line) else ""
