@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import subprocess
+import time
+from pathlib import Path
 
 import pytest
 
-from tests.guest.machine import LEFT, RIGHT, control
+from tests.guest.machine import LEFT, RIGHT, control, unplug_and_replug
 
 collect_ignore_glob = [] if os.environ.get("SYNCWATCH_GUEST") else ["test_*.py"]
 
@@ -22,6 +24,9 @@ QUIET = {
 """Moving pictures without the text that costs an emulated machine most of its time."""
 
 
+PLUGGED_TIMES = 10
+
+
 def load(module: str, *parameters: str) -> None:
     command = ["modprobe", "-d", os.environ["GUEST_MODULES"], module, *parameters]
     subprocess.run(command, check=True, timeout=60)
@@ -34,7 +39,12 @@ def _vivid_driver():
 
 @pytest.fixture
 def vivid(_vivid_driver):
-    """Two virtual cameras without faults."""
+    """Two virtual cameras without faults, under their first numbers: a test that unplugs them may have moved them."""
+    for _ in range(PLUGGED_TIMES):
+        if all(Path(device).exists() for device in (LEFT, RIGHT)):
+            break
+        unplug_and_replug()
+        time.sleep(1)
     for device in (LEFT, RIGHT):
         control(device, **QUIET)
 

@@ -57,6 +57,14 @@ def control(device: str, **values: bool | int | str) -> None:
         handle.close()
 
 
+def unplug_and_replug(between: Callable[[], object] = lambda: None) -> None:
+    """Takes both virtual cameras away from the system and gives them back."""
+    driver = Path("/sys/bus/platform/drivers/vivid")
+    (driver / "unbind").write_text("vivid.0")
+    between()
+    (driver / "bind").write_text("vivid.0")
+
+
 def configuration(*, left: str = LEFT, right: str = RIGHT, detectors: dict | None = None, **source: Any) -> dict:
     """A rig of two virtual cameras."""
     cameras = {"left": {"device": left, **GREY_SMALL}, "right": {"device": right, **GREY_SMALL}}
