@@ -94,10 +94,7 @@ def _look(place: _Place) -> tuple[Found | None, list[_Place]]:
     name = _format(path)
     if name is not None and not _is_archive(path, name):
         return Found(path, name), []
-    try:
-        lone = None if place.told or name is not None else _lone_camera(path)
-    except InputError as error:  # a video that is none; what lies beside and below may be one
-        return Found(path, None, str(error)), [_Place(one, told=True) for one in _visible(path)]
+    lone = None if place.told or name is not None else _lone_camera(path)
     if lone is None:
         return None, [_Place(one, place.told) for one in _visible(path)]
     below = [_Place(one, lone.below) for one in _visible(path) if one != lone.video]
@@ -165,12 +162,9 @@ class _LoneCamera:
 def _lone_camera(folder: Path) -> _LoneCamera | None:
     """The only camera that a folder holds. A few pictures are no recording, and a video with two views is one."""
     for name, one in FORMATS.items():
-        try:
+        words = None
+        with suppress(InputError, OSError):
             words = one.lone_camera(folder)
-        except (InputError, OSError):
-            if name == "videos":
-                raise
-            words = None
         if words is None or (name == "folders" and len(files.picture_names(folder)) < ENOUGH):
             continue
         video = files.videos(folder)[0] if name == "videos" else None

@@ -92,8 +92,11 @@ def _of_one_rate(recording: Recording) -> Recording:
 
 
 def _not_a_recording(path: Path) -> InputError:
+    """What is wrong with a path that is in none of the formats. Raises InputError as well."""
     if path.is_dir() and files.is_empty(path):
         return InputError(f"{path} is empty: {EXPECTED}")
+    if files.is_video(path):
+        videos.opened(path).release()  # raises InputError for a file that is only called a video
     for recording_format in FORMATS.values():
         lone = recording_format.lone_camera(path)
         if lone is not None:

@@ -44,12 +44,8 @@ def matches(paths: Sequence[Path]) -> bool:
 
 
 def lone_camera(path: Path) -> str | None:
-    """Raises InputError for a file that is called a video and is none."""
     found = [path] if files.is_video(path) else files.videos(path) if path.is_dir() else []
-    if len(found) != 1:
-        return None
-    opened(found[0]).release()
-    return f"video '{found[0].name}'"
+    return f"video '{found[0].name}'" if len(found) == 1 else None
 
 
 def read(request: Request) -> Recording:

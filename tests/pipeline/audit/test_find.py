@@ -109,15 +109,6 @@ def test_containers_that_are_empty_are_told(tmp_path):
     }
 
 
-def test_a_video_that_is_none_is_told_and_what_lies_below_is_found(tmp_path):
-    write_folders(tmp_path / "day" / "rig", 12)
-    (tmp_path / "day" / "left.mp4").write_text("hello")
-    told = found(tmp_path)
-    assert told["day/rig"] == "folders"
-    assert "cannot be opened as a video" in told["day"]
-    assert len(told) == 2
-
-
 def test_a_folder_that_cannot_be_looked_into_hides_nothing_beside_it(tmp_path, monkeypatch):
     """As for somebody who is not root: both listing it and asking for a file in it are refused."""
     write_folders(tmp_path / "day" / "rig", 12)
