@@ -227,7 +227,7 @@ def _teller(console: Console, total: int) -> Callable[[], None]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--jobs", type=_count, default=os.cpu_count() or 1, help="processes (default: one a core)")
+    parser.add_argument("--jobs", type=_processes, default=os.cpu_count() or 1, help="processes (default: one a core)")
     parser.add_argument("--scores", type=Path, help="write the page from these scores instead of measuring")
     given = parser.parse_args(arguments)
     try:
@@ -243,10 +243,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _count(text: str) -> int:
-    if (number := int(text)) < 1:
-        raise ValueError(text)
-    return number
+def _processes(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of processes: 1 or more")
+    return int(text)
 
 
 def kept(file: Path) -> Measured:
