@@ -132,3 +132,4 @@ def _free_endpoint() -> str:
 
 if __name__ == "__main__":
     main()
+    leave(0)  # sessions that a stalled subscriber keeps from closing go on in the background
