@@ -18,6 +18,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from pipeline.deadline import leave
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
 from syncwatch import Frame, Monitor, Status, Verdict
