@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from pipeline.tally import ENOUGH, PairTally, Stretch, Tally
 from pipeline.verdict import State
-from pipeline.words import CAUSE_WORDS, REASON_WORDS, describe
+from pipeline.words import CAUSE_ADVICE, CAUSE_WORDS, REASON_ADVICE, REASON_WORDS, describe
 
 CLEAR = 0.9
 """Share of the decided frames that must agree for an answer about all of them."""
@@ -39,7 +39,9 @@ def answer(tally: Tally) -> Answer:
         return Answer(State.UNKNOWN, "Cannot tell: no two frames came together.")
     states = {one.state for one in pairs.values()}
     state = next(state for state in (State.ASYNC, State.UNKNOWN, State.SYNC) if state in states)
-    return Answer(state, " ".join([HEADLINE[state], *(one.text for one in pairs.values())]), pairs)
+    worst = (tally.pairs[name] for name, one in pairs.items() if one.state is state)
+    words = [HEADLINE[state], *(one.text for one in pairs.values()), _advice(state, next(worst))]
+    return Answer(state, " ".join(filter(None, words)), pairs)
 
 
 def _of_pair(name: str, pair: PairTally) -> Answer:
@@ -66,13 +68,23 @@ def _state(pair: PairTally) -> State:
 def _sentence(name: str, state: State, pair: PairTally) -> str:
     if 0 < pair.silent == pair.total:
         return f"{name}: no frame of {name.partition('-')[0]} came."
-    sync, wrong = pair.states[State.SYNC], pair.states[State.ASYNC]
-    counts = f"{pair.decided} of {pair.total} frames could be judged{_ground(pair)}: {sync} in sync, {wrong} not"
+    if not pair.decided:
+        return f"{name}: none of {pair.total} frames could be judged{_why_not(pair, ', mostly because ')}."
+    counts = f"{pair.decided} of {pair.total} frames could be judged{_ground(pair)}, {_shares(pair)}"
     if state is State.ASYNC:
         return f"{name}: {counts}. {_stretches(pair)}"
-    if state is State.UNKNOWN and pair.decided >= ENOUGH:
+    if state is State.SYNC:
+        return f"{name}: {counts}."
+    if pair.decided >= ENOUGH:
         return f"{name}: {counts}, and they contradict each other from frame to frame."
-    return f"{name}: {counts}.{_reasons(pair)}"
+    return f"{name}: only {counts}: too few for an answer{_why_not(pair, '. Of the others mostly: ')}."
+
+
+def _shares(pair: PairTally) -> str:
+    sync, wrong = pair.states[State.SYNC], pair.states[State.ASYNC]
+    if sync and wrong:
+        return f"{sync} of them in sync and {wrong} not"
+    return f"all of them {'in' if sync else 'out of'} sync"
 
 
 def _ground(pair: PairTally) -> str:
@@ -101,9 +113,19 @@ def _stretch(stretch: Stretch, *, explain: bool) -> str:
     return f"{where}{words}{cause}."
 
 
-def _reasons(pair: PairTally) -> str:
+def _why_not(pair: PairTally, lead: str) -> str:
     """Why most of the other frames could not be judged."""
-    if not pair.reasons or pair.decided >= pair.total / 2:
+    if not pair.reasons:
         return ""
     reason, _ = pair.reasons.most_common(1)[0]
-    return f" Of the others mostly: {REASON_WORDS[reason]} ({reason.value})."
+    return f"{lead}{REASON_WORDS[reason]} ({reason.value})"
+
+
+def _advice(state: State, pair: PairTally) -> str:
+    """What to do about the worst pair: about what lasted longest, or kept most of its frames from being judged."""
+    if state is State.ASYNC and pair.stretches:
+        cause = max(pair.stretches, key=lambda stretch: stretch.frames).first.cause
+        return f"What to do: {CAUSE_ADVICE[cause]}" if cause else ""
+    if state is State.UNKNOWN and pair.decided < ENOUGH and pair.reasons:
+        return f"What to do: {REASON_ADVICE[pair.reasons.most_common(1)[0][0]]}"
+    return ""

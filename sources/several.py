@@ -6,7 +6,7 @@ import heapq
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -93,6 +93,14 @@ class SeveralSources:
     @property
     def ended(self) -> Collection[str]:
         return self._over.union(*(getattr(source, "ended", ()) for source in self.sources))
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """Frames that gave way in their own source, or on the way from it."""
+        told = [getattr(source, "dropped", {}) for source in self.sources]
+        if self._inbox is not None:
+            told.append(self._inbox.dropped)
+        return {camera.name: sum(one.get(camera.name, 0) for one in told) for camera in self.cameras}
 
     def open(self) -> None:
         """Opens them in order. Raises InputError for a recording beside live cameras and for a name given twice."""

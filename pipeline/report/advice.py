@@ -6,35 +6,8 @@ from pipeline.answer import Answer
 from pipeline.notes import Note
 from pipeline.report.recorder import PairRecord, Recorder
 from pipeline.tally import ENOUGH
-from pipeline.verdict import Basis, Cause, Reason, State
-
-CAUSE_ADVICE = {
-    Cause.SLIP: "A frame was lost on one side, or the cameras were not started together. Pair frames by their stamps "
-    "and not by order of arrival, or have them paired anew: `align` in the configuration.",
-    Cause.PHASE: "Trigger both cameras together: a hardware trigger or a sync cable, one camera the master. If they "
-    "are apart on purpose, say so: `expected_offset_ms` of the pair in the configuration.",
-    Cause.STAMPS_LIE: "Do not pair by these stamps. Look for an old picture in a buffer, for stamps copied from "
-    "the other camera, and for a driver that stamps late: empty the queue before reading, and stamp at the exposure.",
-    Cause.FREE_RUN: "Each camera runs at a rate of its own. Check the trigger line and its settings, or the sync "
-    "cable: a camera that misses its trigger often falls back to running free.",
-    Cause.FROZEN: "Look at the encoder, the driver and full queues: something hands on one picture again and again.",
-    Cause.MISSING: "Check the camera's cable, its power and its driver.",
-}
-
-REASON_ADVICE = {
-    Reason.NO_MOTION: "Record again while the rig is moved by hand, up and down as well as sideways, or while somebody "
-    "waves in front of both cameras, for ten seconds or more.",
-    Reason.NO_OVERLAP: "Record something that both cameras see, or moves both of them alike: turn the rig by hand.",
-    Reason.NO_TEXTURE: "Record a scene with edges and patterns instead of bare walls or sky.",
-    Reason.DARK: "Give the cameras light, or take the lens cap off; a longer exposure helps as well.",
-    Reason.WARMING_UP: "Record for longer: ten seconds with motion are enough for most rigs.",
-    Reason.UNPAIRED: "Frames of one camera have no partner. Look at the table of cameras: does one of them lose "
-    "frames, or run at another rate?",
-    Reason.WIDE_ERROR: "Record faster or longer motion: the less things move between two frames, the less exactly "
-    "they tell the time.",
-    Reason.STAMPS_DISPROVED: "Do not rely on the stamps, and record a part with motion, so that the pictures can tell.",
-    Reason.NO_EVIDENCE: "Give the recording timestamps, or a part with motion, so that something can be judged.",
-}
+from pipeline.verdict import Basis, Cause, State
+from pipeline.words import CAUSE_ADVICE, REASON_ADVICE
 
 CONTRADICTORY = (
     "What is said changes from frame to frame. Run `syncwatch selftest` on this recording: it tells whether "

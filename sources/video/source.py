@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import TimeoutError as NotYetError
 from functools import partial
 from pathlib import Path
@@ -56,6 +56,10 @@ class VideoSource:
         self._left = len(self._streams)
         self._lock = threading.Lock()
         self.cameras: tuple[Camera, ...] = ()
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        return self._inbox.dropped
 
     @property
     def ended(self) -> Collection[str]:

@@ -7,6 +7,7 @@ import pytest
 from pipeline.answer import answer
 from pipeline.tally import Tally
 from pipeline.verdict import Basis, Cause, PairTruth, Reason, State, Verdict
+from pipeline.words import CAUSE_ADVICE, REASON_ADVICE
 
 LETTERS = {"s": State.SYNC, "a": State.ASYNC, "u": State.UNKNOWN}
 
@@ -45,8 +46,11 @@ def test_the_worst_pair_decides():
         tally.add(Verdict("bench", "left-top", frame, State.ASYNC, Basis.CONTENT))
     result = answer(tally)
     assert result.state is State.ASYNC
-    assert "left-right: 50 of 50 frames could be judged: 50 in sync, 0 not." in result.text
-    assert "left-top: 50 of 50 frames could be judged: 0 in sync, 50 not. Frames 0 to 49: left and top" in result.text
+    assert "left-right: 50 of 50 frames could be judged, all of them in sync." in result.text
+    assert (
+        "left-top: 50 of 50 frames could be judged, all of them out of sync. Frames 0 to 49: left and top"
+        in result.text
+    )
 
 
 def test_it_tells_how_the_offset_changed():
@@ -68,7 +72,11 @@ def test_it_tells_why_it_cannot_tell():
     for frame in range(60):
         reason = Reason.DARK if frame < 20 else Reason.NO_MOTION
         tally.add(Verdict("bench", "left-right", frame, State.UNKNOWN, Basis.NONE, reason=reason))
-    assert answer(tally).text.endswith("mostly: nothing moves in a way that tells time (no_motion).")
+    text = answer(tally).text
+    assert (
+        "none of 60 frames could be judged, mostly because nothing moves in a way that tells time (no_motion)" in text
+    )
+    assert text.endswith(f"What to do: {REASON_ADVICE[Reason.NO_MOTION]}")
 
 
 def test_a_detector_that_sticks_is_not_credited_with_what_it_cannot_have_seen():
@@ -89,7 +97,5 @@ def test_a_camera_of_which_nothing_came_at_all_is_named():
     tally = Tally()
     for _ in range(2):
         tally.add(Verdict("bench", "left-right", None, State.ASYNC, Basis.NONE, cause=Cause.MISSING, camera="left"))
-    assert (answer(tally).state, answer(tally).text) == (
-        State.ASYNC,
-        "OUT OF SYNC. left-right: no frame of left came.",
-    )
+    said = f"OUT OF SYNC. left-right: no frame of left came. What to do: {CAUSE_ADVICE[Cause.MISSING]}"
+    assert (answer(tally).state, answer(tally).text) == (State.ASYNC, said)

@@ -17,6 +17,7 @@ from sources.v4l2.settings import V4l2Settings
 from sources.v4l2.source import V4l2Source
 from syncwatch.testing import ScriptedSource
 from tests.frames import PERIOD_NS, frame
+from tests.network import wait_for
 from tests.sources.v4l2_kernel import FakeCamera, Machine, Shot
 
 
@@ -68,6 +69,20 @@ def test_clocks_that_are_common_to_live_sources_keep_their_names(clock):
     assert {item.clock for item in run(scripted("left", steps[0]), scripted("top", steps[1]))} == {clock}
     recorded = run(scripted("left", steps[0], live=False), scripted("top", steps[1], live=False))
     assert {item.clock for item in recorded} == {f"{clock}@0", f"{clock}@1"}
+
+
+def test_frames_that_gave_way_are_counted_wherever_they_did():
+    pushed = PushSource(PushSettings(cameras={"left": 10}, frames_ahead=1))
+    pushed.attach()
+    made = several(pushed, scripted("top", [frame("top", n * PERIOD_NS, n) for n in range(20)]))
+    made.open()
+    for _ in range(3):
+        pushed.push("left", np.zeros((8, 8), np.uint8))
+    frames = made.frames()
+    next(frames)
+    wait_for(lambda: made.dropped["top"] > 0)
+    assert made.dropped["left"] == 2
+    made.close()
 
 
 def test_everything_else_of_a_frame_is_as_its_source_gave_it():

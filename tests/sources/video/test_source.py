@@ -152,7 +152,7 @@ def test_frames_that_nobody_takes_give_way_to_newer_ones_and_are_counted(streams
     running.open()
     reader = running.frames()
     next(reader)
-    wait_for(lambda: running._inbox.dropped["left"] > 3)
+    wait_for(lambda: running.dropped["left"] > 3)
     running.stop()
     running.close()
     assert "left: frames were not taken fast enough: " in caplog.text
