@@ -4,6 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
+# Where Python is told to write no bytecode, every program that the tests start would compile all of it first.
+export PYTHONDONTWRITEBYTECODE :=
+
 .DEFAULT_GOAL := help
 .PHONY: help run test test-browser test-guest test-oak test-alerts images evaluate evaluate-full accuracy classic bench clean methods fleet
 

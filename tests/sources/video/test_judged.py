@@ -154,8 +154,8 @@ def test_a_server_that_has_no_such_stream_is_told(tmp_path):
         ("{left: {url: x, options: {a: 'b;c'}}}", "'b;c' cannot be told to FFmpeg"),
         ("{left: x, right: x}", "left and another camera have the same url: one stream cannot be two cameras"),
         (
-            f"{{left: {{url: 'rtsp://user:{SECRET}@cam/x?token={SECRET}', fsp: 30}}}}",
-            "rtsp://************@cam/x?*************', fsp: 30}",
+            f"{{left: {{url: 'rtsp://user:{SECRET}@cam/x?stream={SECRET}', fsp: 30}}}}",
+            "rtsp://************@cam/x?**************', fsp: 30}",
         ),
         (f"{{left: {{url: ['rtsp://user:{SECRET}@cam/x']}}}}", "source.cameras.left.url: "),
         (f"{{left: {{url: 'rtsp://user:{SECRET}@cam/x', options: 5}}}}", "source.cameras.left.options: "),
