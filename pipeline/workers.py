@@ -9,7 +9,8 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context, parent_process
+from multiprocessing import parent_process, resource_tracker
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
 import cv2
@@ -22,7 +23,7 @@ def workers(jobs: int, set_up: Callable[..., None] | None = None, *arguments: An
     Leaving it by an exception, Ctrl-C included, ends what is running at once. set_up: called in each process with the
     arguments, which may be shared memory of a `spawn` context.
     """
-    context = get_context("spawn")
+    context = _Workers()
     before = {child.pid for child in context.active_children()}
     pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_become_worker, initargs=(set_up, arguments))
     try:
@@ -36,9 +37,23 @@ def workers(jobs: int, set_up: Callable[..., None] | None = None, *arguments: An
     pool.shutdown()
 
 
+class _Worker(SpawnProcess):
+    """Never hears of Ctrl-C, which goes to every process of a terminal: it is the main process that ends the others."""
+
+    def start(self) -> None:
+        resource_tracker.ensure_running()  # starting it would end the blocking
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Workers(SpawnContext):
+    Process = _Worker
+
+
 def _become_worker(set_up: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
-    """Ctrl-C goes to every process of a terminal, but it is the main process that ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     logging.getLogger("syncwatch").setLevel(logging.ERROR)
     cv2.setNumThreads(1)
