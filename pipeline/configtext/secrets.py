@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 HIDDEN = "***"
 
-_WORD = r"(?:pass(?:word|wd|phrase|wort)?|pwd|secret|token)(?![\w-]*[_-](?:file|env))"
+_WORD = r"(?:pass(?:word|wd|phrase|wort)?|pwd|secret|token|private_key_base64)(?![\w-]*[_-](?:file|env))"
 _KEY = re.compile(_WORD, re.IGNORECASE)
 _GIVEN = re.compile(rf"{_WORD}[\w-]*[\"']?\s*[:=]", re.IGNORECASE)
-_LOGIN = re.compile(r"(?<=://)[^/\s'\"]+(?=@)")
+_LOGIN = re.compile(r"(?<=://)(?:[^/:\s'\"]*:[^\s'\"]+|[^/\s'\"]+)(?=@)")
 _QUERY = re.compile(r"(://[^\s'\"?]*\?)([^\s'\"]+)")
 _QUOTED = re.compile(r"'[^']*(?:'|$)|\"[^\"]*(?:\"|$)")
 

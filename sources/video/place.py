@@ -55,10 +55,14 @@ def place_of(text: str, base: Path) -> Place:
 
 
 def _without_secrets(url: str) -> str:
-    """Scheme, host and path: what stands before @, after ? and after # is left out."""
+    """Scheme, host and path: what stands before @, after ? and after # is left out.
+
+    Of what is no URL nothing is shown: it may be a password with a / in it that stands where host and path should.
+    """
     scheme, _, rest = url.partition(SCHEME)
     try:
         parts = urlsplit(url)
+        _ = parts.port  # ValueError if it is no number
     except ValueError:
         return f"{scheme}{SCHEME}..."
     return f"{scheme}{SCHEME}{parts.netloc.rpartition('@')[2]}{parts.path}" if rest else url

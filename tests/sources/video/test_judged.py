@@ -120,6 +120,7 @@ def test_a_file_that_has_ended_is_not_missing(tmp_path):
         ),
         (f"gopher2://user:{SECRET}@127.0.0.1/x", "gopher2://127.0.0.1/x: Protocol not found (wait: true waits for it)"),
         ("http://[::1/x", "http://...: it is no URL (wait: true waits for it)"),
+        (f"gopher2://user:a/{SECRET}@127.0.0.1/x", "gopher2://...: Protocol not found (wait: true waits for it)"),
     ],
 )
 def test_what_cannot_be_read_is_told_in_one_line(tmp_path, url, words):
@@ -158,6 +159,7 @@ def test_a_server_that_has_no_such_stream_is_told(tmp_path):
             "rtsp://************@cam/x?**************', fsp: 30}",
         ),
         (f"{{left: {{url: ['rtsp://user:{SECRET}@cam/x']}}}}", "source.cameras.left.url: "),
+        (f"{{left: {{url: 'rtsp://user:a/{SECRET}@cam/x', fsp: 30}}}}", "@cam/x', fsp: 30}"),
         (f"{{left: {{url: 'rtsp://user:{SECRET}@cam/x', options: 5}}}}", "source.cameras.left.options: "),
     ],
 )
