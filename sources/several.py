@@ -17,6 +17,7 @@ import numpy as np
 
 from pipeline.buffer import BufferSettings
 from pipeline.configtext.document import ConfigError
+from pipeline.deadline import ended_within
 from pipeline.errors import InputError, RunError, SyncwatchError
 from pipeline.faults.source import StreamClock, paired_slots
 from pipeline.frame import NS_PER_S, Camera, Frame, Picture, Source
@@ -134,9 +135,7 @@ class SeveralSources:
             self.stop()
         except SyncwatchError as error:
             failures.append(error)
-        for thread in self._threads.values():
-            thread.join(END_WITHIN_S)
-        stuck = [number for number, thread in self._threads.items() if thread.is_alive()]
+        stuck = [number for number, thread in self._threads.items() if not ended_within(END_WITHIN_S, thread)]
         failures += [RunError(f"{_name(number)} did not stop within {END_WITHIN_S:.0f} s") for number in stuck]
         closing = [number for number in self._opened[::-1] if number not in stuck]
         self._opened = []

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import zenoh
 
-from pipeline.deadline import done_within
+from pipeline.deadline import done_within, ended_within
 from pipeline.errors import InputError
 from pipeline.frame import NS_PER_S, Camera, Frame, StampOrigin
 from pipeline.zenoh_network import RETRY_EVERY_S, is_linked
@@ -144,7 +144,7 @@ class ZenohSource:
     def close(self) -> None:
         self.stop()
         if self._receiver is not None:
-            self._receiver.join(STOP_WITHIN_S)
+            ended_within(STOP_WITHIN_S, self._receiver)
         if self._session is not None and not done_within(STOP_WITHIN_S, self._session.close, "zenoh-close"):
             log.warning("zenoh: the session did not close in time")
         self._inbox.say_what_was_dropped()
