@@ -11,3 +11,8 @@ def printable(text: str) -> str:
     """
     shown = text.encode("utf-8", "backslashreplace").decode()
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in shown)
+
+
+def as_wide(text: str) -> str:
+    """As `printable`, with as many letters as before, so that a caret below still points where it should; tabs stay."""
+    return "".join(letter if letter.isprintable() or letter == "\t" else "\N{REPLACEMENT CHARACTER}" for letter in text)

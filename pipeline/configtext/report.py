@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from pipeline.configtext.secrets import holds_secret, is_secret, without_secret, without_url_secrets, without_values
 from pipeline.errors import InputError
+from pipeline.printable import as_wide
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -77,7 +78,7 @@ class Source:
         if problem.hint:
             sentence += f" - {problem.hint}"
         if not self.is_argument:
-            header = f"{_printable(self.label)}:{place.line}:{place.column}: {sentence}"
+            header = f"{as_wide(self.label)}:{place.line}:{place.column}: {sentence}"
             shown = self.lines[place.line - 1] if place.line <= len(self.lines) else ""
             told = shown.strip() and not any(map(holds_secret, self.lines[max(place.line - 2, 0) : place.line]))
             return "\n".join([header, *_excerpt(shown, place.column)]) if told else header
@@ -91,7 +92,7 @@ class Source:
 def argument_source(argument: str) -> Source:
     """The source of ``--set argument``, with a label that stays on one line."""
     text = without_url_secrets(f"--set {argument}")
-    label = _printable(without_secret(text))
+    label = as_wide(without_secret(text))
     return Source(label if len(label) <= _MAX_WIDTH else f"{label[:_MAX_WIDTH]}...", text, is_argument=True)
 
 
@@ -132,7 +133,7 @@ def show(value: object) -> str:
         return "a number of very many digits"  # repr refuses some of them
     if isinstance(value, str) and len(value) > _MAX_SHOWN:
         return repr(value[:_MAX_SHOWN])[:-1] + "...'"
-    text = _printable(repr(value))
+    text = as_wide(repr(value))
     return text if len(text) <= 2 * _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
 
 
@@ -163,7 +164,7 @@ def _excerpt(line: str, column: int) -> list[str]:
     start = max(0, min(at - _MAX_WIDTH // 2, len(line) - _MAX_WIDTH)) if len(line) > _MAX_WIDTH else 0
     front = "..." if start else ""
     back = "..." if start + _MAX_WIDTH < len(line) else ""
-    shown = front + _printable(line[start : start + _MAX_WIDTH]) + back
+    shown = front + as_wide(line[start : start + _MAX_WIDTH]) + back
     return [shown.rstrip(), _padding(front + line[start:at]) + "^"]
 
 
@@ -176,8 +177,3 @@ def _cells(char: str) -> int:
     if unicodedata.combining(char):
         return 0
     return 2 if unicodedata.east_asian_width(char) in "WF" else 1
-
-
-def _printable(text: str) -> str:
-    """The text without characters that would move the cursor or turn the direction of writing."""
-    return "".join(char if char.isprintable() or char == "\t" else "\N{REPLACEMENT CHARACTER}" for char in text)
