@@ -9,6 +9,7 @@ from pathlib import Path
 
 import zenoh
 
+from pipeline.errors import InputError
 from pipeline.zenoh_network import NetworkSettings, access_values, made_config, session_config
 
 log = logging.getLogger("syncwatch.zenoh")
@@ -81,6 +82,8 @@ class Network:
         except zenoh.ZError as error:
             log.debug("zenoh: %s", first_words(error))
             return _in_words(str(error), self.settings.user)
+        except InputError as error:
+            return str(error)
         return ""
 
 

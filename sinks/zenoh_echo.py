@@ -6,6 +6,7 @@ import time
 
 import zenoh
 
+from pipeline.errors import InputError
 from pipeline.zenoh_reach import Network
 
 ENOUGH = 3
@@ -40,7 +41,7 @@ class Echo:
             if self._subscriber is None:
                 self._listen()
             return self._heard()
-        except zenoh.ZError:  # the router is gone again
+        except (zenoh.ZError, InputError):  # the router is gone again, or a file that a session needs
             self.close()
             return None
 

@@ -19,6 +19,7 @@ from pipeline.verdict import Cause, Event, Level, Status
 from pipeline.zenoh_network import NetworkSettings, session_config
 from pipeline.zenoh_reach import Network
 from sinks.zenoh import ZenohSettings, ZenohSink
+from sinks.zenoh_echo import Echo
 from sources.zenoh.settings import ZenohSourceSettings
 from sources.zenoh.source import ZenohSource
 from tests.network import EXAMPLES, free_endpoint, routing, wait_for
@@ -233,6 +234,15 @@ def test_files_that_are_missing_or_no_good_are_said_before_anything_starts(setti
         ZenohSink(given, rig="cart", base=FILES)
 
 
+def test_a_password_file_that_goes_away_is_said_by_whoever_looks_why_nobody_is_reached(tmp_path):
+    (tmp_path / "password").write_text("axle-grease-42\n")
+    given = {"mode": "client", "connect": [free_endpoint()], "user": "cart", "password_file": "password"}
+    network = Network(NetworkSettings.model_validate(given), tmp_path)
+    (tmp_path / "password").unlink()
+    assert network.why_not() == f"password_file: {tmp_path}/password: there is no such file"
+    assert Echo(network, "a").look() is None
+
+
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
@@ -279,6 +289,7 @@ LITERAL = f"password: {HUSH}"
         (LITERAL, (), 0),
         (f"{LITERAL}, prefx: a", (), 2),
         (f"passwort: {HUSH}", (), 2),
+        (f"password_file: x, listen: ['tls/a#connect_private_key_base64={HUSH}']", (), 2),
         (f"password: {{a: {HUSH}}}", (), 2),
         (f"password: [{HUSH}", (), 2),
         (f"password: '{HUSH}", (), 2),
