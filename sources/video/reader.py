@@ -33,7 +33,6 @@ USUAL_FPS = 25.0
 ALMOST = 0.95
 """Share of a limit that FFmpeg keeps to."""
 
-
 LOOK_S = 0.5
 """How often it is looked whether the program is still there."""
 

@@ -15,11 +15,10 @@ from pipeline.frame import Camera, Frame
 from sources.live import Inbox, feed
 from sources.video.place import place_of
 from sources.video.settings import VideoSettings
-from sources.video.stream import GRACE_S, FailedError, Stream
+from sources.video.stream import DEFAULT_FPS, GRACE_S, FailedError, Stream
 
 log = logging.getLogger("syncwatch.sources.video")
 
-DEFAULT_FPS = 30.0
 STOP_WITHIN_S = 0.5
 
 

@@ -29,6 +29,9 @@ log = logging.getLogger("syncwatch.sources.video")
 LOOK_S = 0.1
 """How often a stream that shows nothing is asked whether it is to stop."""
 
+DEFAULT_FPS = 30.0
+"""Of a stream that does not tell its rate."""
+
 SILENT_PERIODS = 10
 GRACE_S = 3.0
 """How much longer than asked for a reader may take before it is taken for dead: it has to start and to explain."""
@@ -227,7 +230,7 @@ class Stream:
 
     @property
     def _silent_after_s(self) -> float:
-        return max(self._settings.silent_after_s, SILENT_PERIODS / (self.fps or 30))
+        return max(self._settings.silent_after_s, SILENT_PERIODS / (self.fps or DEFAULT_FPS))
 
     def _heard(self, reader: Reader, within_s: float) -> Head:
         """The next head. Raises FailedError when none comes, or `stopped`."""
@@ -252,13 +255,20 @@ class Stream:
 
     def _replay(self, reader: Reader, told: int) -> None:
         """Delivers a recording at its own rate. Raises OverError at its end."""
-        period_s = 1 / (self.fps or 30)
+        period_s = 1 / (self.fps or DEFAULT_FPS)
         first_s, due_s, count = 0.0, 0.0, 0
         while not self._stopped.is_set():
-            head = self._heard(reader, self._silent_after_s)
-            data = reader.take(head.size)
+            try:
+                head = self._heard(reader, self._silent_after_s)
+                data = reader.take(head.size)
+            except FailedError as error:
+                if count and not self._stopped.is_set():  # played anew, it would begin again
+                    log.warning("%s: %s ends after %d pictures (%s)", self.name, self.place.shown, count, error)
+                    raise OverError from error
+                raise
             if head.kind == FAILED:
                 self._ends(data.decode(), count, told)
+            self._comeback.rose()
             picture = self._picture(head, data)
             first_s = head.number if count == 0 else first_s
             rises = self._camera.fps is None and head.number - first_s > due_s
@@ -272,7 +282,7 @@ class Stream:
     def _ends(self, why: str, count: int, told: int) -> None:
         """Ends a recording; one that lacks more than a second has failed."""
         lacks = told - count
-        if lacks > SHORT_S * (self.told_fps or 30):
+        if lacks > SHORT_S * (self.told_fps or DEFAULT_FPS):
             log.warning("%s: %s ends after %d of %d pictures (%s)", self.name, self.place.shown, count, told, why)
         else:
             self.over = True

@@ -14,7 +14,7 @@ class Order(NamedTuple):
     """Asks the reader, as a line of JSON, to open a stream; a second line, empty, lets it read on.
 
     url: as FFmpeg takes it. options: as OpenCV takes them. period_s: of frames if that is known, else 0.
-    live: what is waiting at the start is stale.
+    is_file: it is played from its first picture on; of a stream, what is waiting at the start is stale.
     """
 
     url: str

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import signal
 import threading
 import time
@@ -189,6 +190,27 @@ def test_a_file_that_breaks_off_is_told_and_its_camera_has_not_ended(tmp_path, c
     assert seen.source.ended == set()
     assert "left: " in caplog.text
     assert " of 120 pictures" in caplog.text
+
+
+def test_a_file_whose_reader_is_killed_is_not_begun_again(tmp_path, caplog):
+    film(tmp_path / "a.avi", count=120)
+    with watched(source(tmp_path, {"left": {"url": "a.avi", "fps": 50}})) as seen:
+        wait_for(lambda: len(seen.frames["left"]) > 3)
+        os.kill(seen.source._streams[0]._reader._process.pid, signal.SIGKILL)
+        seen.thread.join(10)
+        assert not seen.thread.is_alive()
+    assert seen.source.ended == set()
+    assert set(seen.epochs("left")) == {0}
+    assert re.search(r"left: \S+a.avi ends after \d+ pictures \(its reader has died \(SIGKILL\)\)", caplog.text)
+
+
+def test_a_file_that_is_waited_for_is_said_to_be_there(tmp_path, caplog):
+    running = source(tmp_path, {"left": {"url": "a.avi", "fps": 50}}, wait=True)
+    with watched(running) as seen:
+        film(tmp_path / "new.avi", count=12).rename(tmp_path / "a.avi")
+        seen.thread.join(10)
+    assert len(seen.frames["left"]) == 12
+    assert "left: pictures again" in caplog.text
 
 
 def test_a_camera_that_is_waited_for_may_come_later(streams, tmp_path, caplog):
