@@ -326,7 +326,9 @@ def assemble(
 
 def _keep_what_is_read(plan: Plan) -> None:
     """Raises InputError for a sink that would write over the recording that is read."""
-    read = [plan.base / path for path in getattr(plan.source.settings, "paths", ())]
+    settings = plan.source.settings
+    sources = settings.sources if isinstance(settings, Several) else (settings,)
+    read = [plan.base / path for one in sources for path in getattr(one, "paths", ())]
     for name, chosen in plan.sinks.items():
         told = getattr(chosen.settings, "path", None) or "-"
         target = plan.base / Path(told.replace("{rig}", plan.config.rig)).expanduser()

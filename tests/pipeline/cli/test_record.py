@@ -102,12 +102,22 @@ def test_a_recorder_that_is_killed_leaves_a_recording(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "command", [["record", "in.mcap", "-o", "in.mcap", "--force"], ["replay", "in.mcap", "--jsonl", "in.mcap"]]
+    "command",
+    [
+        ["record", "in.mcap", "-o", "in.mcap", "--force"],
+        ["replay", "in.mcap", "--jsonl", "in.mcap"],
+        ["run", "two.yaml", "--set", "sinks.jsonl.path=in.mcap"],
+    ],
 )
 def test_what_is_read_is_never_written_over(recorded, tmp_path, command):
     folder, _ = recorded
     before = (folder / "cart7.mcap").read_bytes()
-    (tmp_path / "in.mcap").write_bytes(before)
+    for name in ("in.mcap", "other.mcap"):
+        (tmp_path / name).write_bytes(before)
+    (tmp_path / "two.yaml").write_text(
+        "source:\n- {type: replay, path: other.mcap, cameras: [a, b]}\n- {type: replay, path: in.mcap}\n"
+        "detectors: {timestamp: {}}\n"
+    )
     done = inside(*command, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, ""), done.stderr
     assert "in.mcap is what is read, which is never changed: name another file" in done.stderr
