@@ -198,7 +198,8 @@ class McapReader:
         return records
 
     def _say_damaged(self, offset: int) -> None:
-        self._damaged.add(offset)
+        if len(self._damaged) <= DAMAGE_TOLD:
+            self._damaged.add(offset)
         if len(self._damaged) > DAMAGE_TOLD:
             self._notices.warning(f"{self.path}: more of it is damaged: what is stored there is left out, too")
         else:
@@ -226,6 +227,9 @@ def _places(stream: BinaryIO, at: int = 0) -> Iterator[Place]:
 
 
 def _content(stream: BinaryIO, offset: int, length: int) -> bytes:
+    """Raises ValueError, one of DAMAGED, for what is longer than anything that can be unpacked."""
+    if length > MOST_UNPACKED_BYTES:
+        raise ValueError("a piece larger than any recording has")
     stream.seek(offset)
     return stream.read(length)
 

@@ -87,6 +87,19 @@ def test_damage_in_the_middle_of_an_mcap_is_a_gap_that_is_said(tmp_path, small, 
         assert caplog.text.count(f"{path}: damaged at byte ") == 1
 
 
+def test_a_piece_of_an_mcap_that_says_it_is_larger_than_memory_is_not_read(tmp_path, small, caplog):
+    path = write_foxglove(tmp_path / "drive.mcap", in_order(small), chunk_size=40_000)
+    whole = path.read_bytes()
+    second = make_reader(io.BytesIO(whole)).get_summary().chunk_indexes[1].chunk_start_offset
+    size = 64 << 30
+    with path.open("r+b") as stream:
+        stream.seek(second + 1)
+        stream.write(size.to_bytes(8, "little"))
+        stream.truncate(second + 9 + size)  # a hole, which takes no room
+    assert 0 < len(replayed(path)) < 20
+    assert f"{path}: damaged at byte " in caplog.text
+
+
 @pytest.mark.parametrize(
     "options",
     [
