@@ -9,7 +9,7 @@ from pathlib import Path
 from pipeline.errors import InputError
 
 LONGEST_PASSWORD = 4096
-"""Bytes; what is longer is no password but the wrong file."""
+"""Bytes; what is longer is no password: only so much of a file is read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,8 @@ def password_of(base: Path, given: str | None, file: str | None) -> str:
     if given is None:
         assert file is not None
         path = existing(base, file, "password_file")
-        lines = path.read_bytes()[:LONGEST_PASSWORD].splitlines()
+        with path.open("rb") as stream:
+            lines = stream.read(LONGEST_PASSWORD).splitlines()
         try:
             given = lines[0].decode() if lines else ""
         except UnicodeDecodeError:
@@ -88,3 +89,5 @@ def existing(base: Path, path: str, what: str) -> Path:
         raise InputError(f"{what}: {file}: there is no such file") from None
     except OSError as error:
         raise InputError(f"{what}: {file}: cannot be read: {error.strerror}") from None
+    except ValueError:  # a character that no name of a file can have
+        raise InputError(f"{what}: {path!r}: cannot be the name of a file") from None

@@ -225,6 +225,7 @@ def test_no_rig_can_publish_as_another(known_by, users, tmp_path, caplog):
         ({"tls": OWN | {"private_key": "README.md"}}, "zenoh: tls.certificate: FILES/cart.pem and its private_key"),
         ({"user": "cart", "password_file": "none"}, "zenoh: password_file: FILES/none: there is no such file"),
         ({"user": "cart", "password_file": "."}, "zenoh: password_file: FILES: cannot be read: Is a directory"),
+        ({"user": "cart", "password_file": "a\0b"}, "zenoh: password_file: 'a\\x00b': cannot be the name of a file"),
         ({"user": "cart", "password": ""}, "zenoh: password: is empty"),
     ],
 )
