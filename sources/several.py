@@ -269,6 +269,6 @@ def _told_of(number: int, what: str) -> Iterator[None]:
         text = str(error)
         place = f"{_name(number)}{text.removeprefix(OWN)}" if text.startswith(f"{OWN}.") else f"{_name(number)}: {text}"
         raise type(error)(place) from error
-    except Exception as error:
+    except Exception as error:  # a user's own source may raise anything
         log.debug("%s %s", _name(number), what, exc_info=error)
         raise RunError(f"{_name(number)} {what}: {type(error).__name__}: {error}") from error

@@ -49,7 +49,7 @@ class Tap(HostNode):
                 self._push(self.input.get())
         except dai.MessageQueue.QueueException:
             pass  # the pipeline has ended
-        except Exception:
+        except Exception:  # one that leaves a node of depthai aborts the whole program
             log.exception("the tap of %s has failed: nothing more is watched there", self._camera)
 
     def _push(self, message: Any) -> None:

@@ -82,7 +82,7 @@ def open_source(plan: Plan) -> Source:
         source.open()
     except SyncwatchError:
         raise
-    except Exception as error:
+    except Exception as error:  # a user's own source may raise anything
         log.debug("the source cannot be opened", exc_info=error)
         raise RunError(f"the source cannot be opened: {type(error).__name__}: {error}") from error
     return source
