@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import socket
 import subprocess
 import sys
 import time
@@ -25,6 +24,7 @@ import numpy as np
 from benchmarks import fleet_page
 from benchmarks.fleet_heard import Heard, Measured, Part, Watched, delivery, first_after
 from benchmarks.fleet_rigs import EVENT_HZ
+from benchmarks.loopback import free_endpoint
 from pipeline.fleet.listener import FleetListener
 from sinks.zenoh import ZenohSettings
 
@@ -48,7 +48,7 @@ class Router:
 
     def __init__(self, name: str, upstream: str | None = None) -> None:
         self.name = name
-        self.endpoint = f"tcp/127.0.0.1:{_free_port()}"
+        self.endpoint = free_endpoint()
         config = str(EXAMPLES / "fleet" / f"{name}-router.json5")
         self._command = [sys.executable, str(EXAMPLES / "router.py"), "--config", config, "--listen", self.endpoint]
         if upstream:
@@ -211,13 +211,6 @@ class Bench:
 def _lines(process: subprocess.Popen[str]) -> IO[str]:
     assert process.stdout is not None
     return process.stdout
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def _cpu_s(pid: int) -> float:

@@ -9,7 +9,6 @@ subscriber is another process that is stopped (SIGSTOP) once it is connected, so
 from __future__ import annotations
 
 import signal
-import socket
 import statistics
 import subprocess
 import sys
@@ -18,6 +17,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from benchmarks.loopback import free_endpoint
 from pipeline.deadline import leave
 from sources.synthetic.settings import SyntheticSettings
 from sources.synthetic.source import SyntheticSource
@@ -65,7 +65,7 @@ def main() -> None:
 
 def _measured(frames: list[Frame], *, stalled: bool) -> tuple[Status, int]:
     """The last status of a run at real speed, and how many verdicts it had."""
-    endpoint = _free_endpoint()
+    endpoint = free_endpoint()
     zenoh = {"listen": [endpoint], "prefix": PREFIX, "preview": {"every_s": 0.1, "width": 320}}
     statuses: list[Status] = []
     verdicts: list[Verdict] = []
@@ -123,12 +123,6 @@ def _latency_ms(status: Status) -> float:
 def _lost(status: Status) -> str:
     lost = status.sinks["zenoh"]
     return f"{lost.dropped_reports} reports and {lost.dropped_frames} frames"
-
-
-def _free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 if __name__ == "__main__":
