@@ -19,6 +19,9 @@ from pipeline.zenoh_network import is_linked
 from sinks.zenoh_link import ZenohLink
 from sinks.zenoh_settings import PublishingSettings, is_key_chunk
 
+HOST_CLOCK = "monotonic"
+"""The clock of one machine, which says nothing on another."""
+
 FIELD = re.compile(r"\{(rig|camera)\}")
 
 
@@ -67,7 +70,7 @@ class PicturesSink:
             published = self._published
         if published is not None:
             key = self._settings.key.format(rig=self._rig, camera=frame.camera)
-            payload, facts = _encoded(frame, self._settings.encoding)
+            payload, facts = _encoded(frame, self._settings.encoding, self._rig)
             published.put(key, payload, json.dumps(facts).encode())
 
     def stop(self) -> None:
@@ -80,12 +83,13 @@ class PicturesSink:
         return published
 
 
-def _encoded(frame: Frame, encoding: str) -> tuple[bytes, dict[str, Any]]:
-    """The payload, and the attachment that explains it."""
+def _encoded(frame: Frame, encoding: str, rig: str) -> tuple[bytes, dict[str, Any]]:
+    """The payload, and the attachment that explains it; rig: after which the clock of this machine is named."""
     facts = {
         "sequence": frame.sequence,
         "captured_ns": frame.captured_ns,
-        "clock": frame.clock,
+        "clock": f"{rig}/{frame.clock}" if frame.clock == HOST_CLOCK else frame.clock,
+        "stamp_origin": frame.stamp_origin.value,
         "epoch": frame.epoch,
         "exposure_ns": frame.exposure_ns,
     }

@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from pipeline.errors import InputError
-from pipeline.frame import NS_PER_S
+from pipeline.frame import NS_PER_S, StampOrigin
 from sources.replay.pictures import JPEG_START, PNG_START
 from sources.ros_images import ENCODINGS, Raw, decode, decode_compressed
 
@@ -37,6 +37,7 @@ class Attachment(BaseModel):
     sequence: int | None = None
     captured_ns: int | None = None
     clock: str = Field(default="rig", min_length=1)
+    stamp_origin: StampOrigin = StampOrigin.DRIVER
     epoch: int = 0
     exposure_ns: int | None = Field(default=None, ge=0)
     encoding: str | None = None
@@ -57,6 +58,7 @@ class Shown:
     exposure_ns: int | None = None
     epoch: int = 0
     publisher: bytes | None = None
+    stamp_origin: StampOrigin = StampOrigin.DRIVER
 
 
 def read_sample(key: str, payload: bytes, attached: bytes | None) -> Shown:
@@ -88,7 +90,15 @@ def _explained(payload: bytes, said: Attachment) -> Shown:
         raise InputError(
             f"attachment: encoding '{said.encoding}' is not one of {', '.join(('jpeg', 'png', *ENCODINGS))}"
         )
-    return Shown(image, said.captured_ns, said.clock, said.sequence, said.exposure_ns, said.epoch)
+    return Shown(
+        image,
+        said.captured_ns,
+        said.clock,
+        said.sequence,
+        said.exposure_ns,
+        said.epoch,
+        stamp_origin=said.stamp_origin,
+    )
 
 
 def _ros(key: str, payload: bytes, attached: bytes | None) -> Shown:

@@ -232,7 +232,7 @@ class ZenohSource:
             image=image,
             epoch=self._heard[arrival.camera].epoch,
             exposure_ns=shown.exposure_ns,
-            stamp_origin=StampOrigin.ARRIVAL if shown.captured_ns is None else StampOrigin.DRIVER,
+            stamp_origin=StampOrigin.ARRIVAL if shown.captured_ns is None else shown.stamp_origin,
         )
 
     def _is_heard(self, arrival: _Arrival, shown: Shown) -> bool:
