@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from pipeline.tally import ENOUGH, PairTally, Stretch, Tally
 from pipeline.verdict import State
-from pipeline.words import CAUSE_ADVICE, CAUSE_WORDS, REASON_ADVICE, REASON_WORDS, describe
+from pipeline.words import CAUSE_ADVICE, CAUSE_WORDS, CONTRADICTORY_ADVICE, REASON_ADVICE, REASON_WORDS, describe
 
 CLEAR = 0.9
 """Share of the decided frames that must agree for an answer about all of them."""
@@ -122,10 +122,12 @@ def _why_not(pair: PairTally, lead: str) -> str:
 
 
 def _advice(state: State, pair: PairTally) -> str:
-    """What to do about the worst pair: about what lasted longest, or kept most of its frames from being judged."""
+    """What to do about a pair of that state: about what lasted longest, or kept most frames from being judged."""
     if state is State.ASYNC and pair.stretches:
         cause = max(pair.stretches, key=lambda stretch: stretch.frames).first.cause
         return f"What to do: {CAUSE_ADVICE[cause]}" if cause else ""
-    if state is State.UNKNOWN and pair.decided < ENOUGH and pair.reasons:
+    if state is State.UNKNOWN and pair.decided >= ENOUGH:
+        return f"What to do: {CONTRADICTORY_ADVICE}"
+    if state is State.UNKNOWN and pair.reasons:
         return f"What to do: {REASON_ADVICE[pair.reasons.most_common(1)[0][0]]}"
     return ""

@@ -27,28 +27,35 @@ REASON_WORDS = {
 
 CAUSE_ADVICE = {
     Cause.SLIP: "A frame was lost on one side, or the cameras were not started together. Pair frames by their stamps "
-    "and not by order of arrival, or have them paired anew: `align` in the configuration.",
+    "and not by order of arrival, or have them paired anew: `align` in the configuration, `syncwatch repair` for a "
+    "recording.",
     Cause.PHASE: "Trigger both cameras together: a hardware trigger or a sync cable, one camera the master. If they "
     "are apart on purpose, say so: `expected_offset_ms` of the pair in the configuration.",
     Cause.STAMPS_LIE: "Do not pair by these stamps. Look for an old picture in a buffer, for stamps copied from "
-    "the other camera, and for a driver that stamps late: empty the queue before reading, and stamp at the exposure.",
+    "the other camera, and for a driver that stamps late: empty the queue before reading, and stamp at the exposure. "
+    "`syncwatch repair --restamp` corrects a recording.",
     Cause.FREE_RUN: "Each camera runs at a rate of its own. Check the trigger line and its settings, or the sync "
     "cable: a camera that misses its trigger often falls back to running free.",
     Cause.FROZEN: "Look at the encoder, the driver and full queues: something hands on one picture again and again.",
     Cause.MISSING: "Check the camera's cable, its power and its driver.",
 }
 
+CONTRADICTORY_ADVICE = (
+    "What is said changes from frame to frame. Run `syncwatch selftest` on this recording or rig: it tells whether the "
+    "detector can be believed on this footage."
+)
+
 REASON_ADVICE = {
-    Reason.NO_MOTION: "Move the rig by hand, up and down as well as sideways, or have somebody wave in front of both "
-    "cameras, for ten seconds or more.",
+    Reason.NO_MOTION: "Let something move, live or in a new recording, for ten seconds or more: the rig by hand, up "
+    "and down as well as sideways, or somebody who waves in front of both cameras.",
     Reason.NO_OVERLAP: "Show both cameras the same thing, or move both of them alike: turn the rig by hand.",
     Reason.NO_TEXTURE: "Show the cameras edges and patterns instead of bare walls or sky.",
     Reason.DARK: "Give the cameras light, or take the lens cap off; a longer exposure helps as well.",
-    Reason.WARMING_UP: "Take more time: ten seconds with motion are enough for most rigs.",
+    Reason.WARMING_UP: "Take more time, or a longer recording: ten seconds with motion are enough for most rigs.",
     Reason.UNPAIRED: "Frames of one camera have no partner: look whether one of them loses frames, or runs at another "
     "rate.",
-    Reason.WIDE_ERROR: "Move faster, or for longer: the less things move between two frames, the less exactly they "
-    "tell the time.",
+    Reason.WIDE_ERROR: "Move the rig faster, or for longer: the less things move between two frames, the less exactly "
+    "they tell the time.",
     Reason.STAMPS_DISPROVED: "Do not rely on the stamps, and show the cameras something that moves, so that the "
     "pictures can tell.",
     Reason.NO_EVIDENCE: "Give the frames timestamps, or show the cameras something that moves, so that something "

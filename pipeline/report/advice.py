@@ -7,12 +7,7 @@ from pipeline.notes import Note
 from pipeline.report.recorder import PairRecord, Recorder
 from pipeline.tally import ENOUGH
 from pipeline.verdict import Basis, Cause, State
-from pipeline.words import CAUSE_ADVICE, REASON_ADVICE
-
-CONTRADICTORY = (
-    "What is said changes from frame to frame. Run `syncwatch selftest` on this recording: it tells whether "
-    "the detector can be believed on this footage."
-)
+from pipeline.words import CAUSE_ADVICE, CONTRADICTORY_ADVICE, REASON_ADVICE
 
 STAMPS_ALONE = "Only the timestamps say so. To have the pictures confirm it:"
 
@@ -58,7 +53,7 @@ def _of_pair(record: PairRecord, state: State) -> list[str]:
         told = [stretch for stretch in longest if stretch.frames >= TOLD * longest[0].frames]
         made += [CAUSE_ADVICE[stretch.first.cause] for stretch in told if stretch.first.cause is not None]
     elif state is State.UNKNOWN and tally.decided >= ENOUGH:
-        made.append(CONTRADICTORY)
+        made.append(CONTRADICTORY_ADVICE)
     elif record.coverage < MOSTLY_JUDGED and tally.reasons:
         more = "" if state is State.UNKNOWN else "Most frames could not be judged. To have more of them: "
         made.append(more + REASON_ADVICE[tally.reasons.most_common(1)[0][0]])
