@@ -21,10 +21,9 @@ from pipeline.cli.common import (
     execute,
     open_source,
     said_once,
-    seconds,
     set_option,
 )
-from pipeline.cli.recording import RecordingOptions, is_config, plan_of, recording_options
+from pipeline.cli.recording import RecordingOptions, duration_of_rig, is_config, plan_of, recording_options
 from pipeline.errors import InputError
 from pipeline.frame import StampOrigin
 from pipeline.plan import Plan
@@ -61,7 +60,7 @@ def check(
     """
     asked = _Asked(path, options, overrides)
     plan = asked.plan()
-    stop_after_s = None if duration is None else seconds(duration)
+    stop_after_s = duration_of_rig(duration, path)
     whole = everything or is_config(path) or stop_after_s is not None
     with said_once():
         try:

@@ -9,7 +9,7 @@ import click
 
 from pipeline.answer import answer
 from pipeline.cli.common import execute, seconds, set_option
-from pipeline.cli.recording import RecordingOptions, plan_of, recording_options
+from pipeline.cli.recording import RecordingOptions, duration_of_rig, plan_of, recording_options
 from pipeline.mcap.frames import Pictures
 from pipeline.tally import Tally
 
@@ -46,7 +46,7 @@ def record(
         settings["around_events_s"] = seconds(around_events, "--around-events")
     if force:
         settings["overwrite"] = True
-    stop_after_s = None if duration is None else seconds(duration)
+    stop_after_s = duration_of_rig(duration, path)
     tally = Tally()
     plan = plan_of(path, options, sinks={"console": {"style": "progress"}, "mcap": settings}, overrides=overrides)
     interrupted = execute(

@@ -15,7 +15,7 @@ import click
 import yaml
 
 from pipeline.assemble import KINDS
-from pipeline.cli.common import read_plan
+from pipeline.cli.common import read_plan, seconds
 from pipeline.configtext.document import load_text
 from pipeline.errors import InputError
 from pipeline.plan import Plan, make_plan
@@ -79,6 +79,18 @@ def recording_options(command: Callable[..., Any]) -> Callable[..., Any]:
     ):
         decorated = option(decorated)
     return decorated
+
+
+FOR_RECORDING = "--for is of a live rig: of a recording, --from and --to say which part is looked at"
+
+
+def duration_of_rig(text: str | None, paths: Sequence[str]) -> float | None:
+    """What --for says in seconds, None where it is not given. Raises InputError, also where PATH is a recording."""
+    if text is None:
+        return None
+    if not is_config(paths):
+        raise InputError(FOR_RECORDING)
+    return seconds(text)
 
 
 def is_config(paths: Sequence[str]) -> bool:

@@ -9,9 +9,9 @@ import click
 
 from pipeline.answer import OF_PART, Answer, answer
 from pipeline.assemble import version
-from pipeline.cli.common import DONE, execute, seconds, set_option
+from pipeline.cli.common import DONE, execute, set_option
 from pipeline.cli.output import output_file, write_output
-from pipeline.cli.recording import RecordingOptions, plan_of, recording_options
+from pipeline.cli.recording import RecordingOptions, duration_of_rig, plan_of, recording_options
 from pipeline.errors import InputError
 from pipeline.frame import Rig
 from pipeline.report.numbers import to_message
@@ -46,7 +46,7 @@ def report(
     numbers_file = None if json_file in {None, "-"} else output_file(JSON, str(json_file), path)
     if numbers_file is not None and numbers_file.resolve() == page_file.resolve():
         raise InputError(f"{JSON} {numbers_file}: cannot be written: the page goes there: name another file")
-    stop_after_s = None if duration is None else seconds(duration)
+    stop_after_s = duration_of_rig(duration, path)
     plan = plan_of(path, options, sinks={"console": {"style": "progress"}}, overrides=overrides)
     made: list[Recorder] = []
 

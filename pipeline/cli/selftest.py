@@ -20,7 +20,7 @@ from rich.table import Table
 from pipeline.cli.common import CANNOT_TELL, DONE, OUT_OF_SYNC, seconds, set_option
 from pipeline.cli.footage import Footage, is_live, take
 from pipeline.cli.output import output_file, write_output
-from pipeline.cli.recording import RecordingOptions, recording_options
+from pipeline.cli.recording import FOR_RECORDING, RecordingOptions, recording_options
 from pipeline.errors import InputError
 from pipeline.selftest.findings import Outcome
 from pipeline.selftest.proof import Conclusion, Proof, prove
@@ -70,7 +70,7 @@ def selftest(
             if interrupted:
                 return interrupted
         elif duration is not None:
-            raise InputError("--for is of a live rig: of a recording, --from and --to say which part is looked at")
+            raise InputError(FOR_RECORDING)
         with _progress() as progress:
             proof = prove(footage.plan, jobs, progress)
     if target is not None:

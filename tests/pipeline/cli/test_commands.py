@@ -142,13 +142,16 @@ def test_check_takes_a_recording(tmp_path):
     assert inside("check", folder, "--fps", "10", cwd=tmp_path).returncode == 0
 
 
-def test_check_can_be_limited_in_time(tmp_path):
+def test_check_of_a_rig_can_be_limited_in_time(tmp_path):
     (tmp_path / "rig.yaml").write_text(
         "source: {type: synthetic, fps: 60, speed: 1.0, duration_s: 3600, width: 64, height: 48}\n"
         "detectors: {timestamp: }\n"
     )
     assert inside("check", "rig.yaml", "--for", "1s", cwd=tmp_path).returncode == 0
     assert inside("check", "rig.yaml", "--for", "soon", cwd=tmp_path).returncode == 2
+    refused = inside("check", write_folders(tmp_path / "rig", 3), "--for", "1s", cwd=tmp_path)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "--for is of a live rig" in refused.stderr
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
