@@ -95,7 +95,7 @@ class NetworkSettings(Settings):
     @property
     def where(self) -> str:
         """Where others are looked for, for people."""
-        return ", ".join(_shown(one) for one in self.connect or self.listen) or "the local network"
+        return ", ".join(_shown(one) for one in self.connect or self.listen) or "this machine"
 
     @model_validator(mode="after")
     def _client_has_a_router(self) -> NetworkSettings:

@@ -62,6 +62,8 @@ def events(
         if connect or listen or mode or network:
             raise InputError(f"{file}: is a file: --connect, --listen, --mode and --network are for rigs")
         told, status = _of_file(file), DONE
+        if not told:
+            log.warning("%s: no event is in it", file)
     else:
         settings = fleet_settings(prefix, connect, listen, mode, network)
         with FleetListener(settings) as heard:

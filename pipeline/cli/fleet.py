@@ -79,6 +79,8 @@ def fleet_settings(
 
 def read_network(path: str) -> dict[str, Any]:
     """What the file says, with paths that count from its folder made absolute. Raises InputError."""
+    if not Path(path).exists():
+        raise InputError(f"--network {path}: there is no such file")
     document = load_file(Path(path), os.environ)
     try:
         NetworkFile.model_validate(document.data)

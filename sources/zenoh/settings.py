@@ -32,7 +32,7 @@ class ZenohCameraSettings(Settings):
 class ZenohSourceSettings(NetworkSettings):
     """Pictures that others publish: ROS 2 images, JPEG, PNG, or raw with an attachment (docs/zenoh-pictures.md).
 
-    mode, connect, listen, tls, user, ...: how others are found (pipeline/zenoh_network.py).
+    mode, connect, listen, tls, user, ...: how others are found (docs/zenoh.md).
     cameras:      by name, in order.
     frames_ahead: pictures of a camera that may wait; then its oldest gives way.
     """

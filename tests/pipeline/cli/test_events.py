@@ -49,6 +49,13 @@ def test_onset_and_end_are_one_line(file):
     assert result.return_value == 0
 
 
+def test_a_file_without_events_says_so(tmp_path):
+    (tmp_path / "verdicts.jsonl").write_text('{"schema": "syncwatch.verdict.v1"}\n')
+    result = events(tmp_path / "verdicts.jsonl")
+    assert (result.return_value, result.stdout) == (0, "")
+    assert result.stderr == f"syncwatch: warning: {tmp_path / 'verdicts.jsonl'}: no event is in it\n"
+
+
 def test_json_is_one_incident_a_line(file):
     lines = [json.loads(line) for line in events(file, "--json").stdout.splitlines()]
     for line in lines:

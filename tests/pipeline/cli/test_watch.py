@@ -99,7 +99,7 @@ def test_people_get_a_table(prefix):
         result = watch(prefix, *SHORT)
     lines = [" ".join(line.split()) for line in result.stdout.splitlines()]
     assert lines[1].startswith("cart In sync a-b sync +0.1 ± 0.2 ms")
-    assert lines[3:] == ["1 rig: 1 in sync", f"under '{prefix}' at the local network"]
+    assert lines[3:] == ["1 rig: 1 in sync", f"under '{prefix}' at this machine"]
     assert result.return_value == 0
 
 
