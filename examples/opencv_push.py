@@ -27,7 +27,8 @@ NAMES = ("left", "right")
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("devices", nargs=2, help="number of a /dev/video, file or URL of the left and the right camera")
+    devices = "number of a /dev/video, file or URL of the left and the right camera"
+    parser.add_argument("devices", nargs=2, metavar="CAMERA", help=devices)
     parser.add_argument("--fps", type=float, default=30.0)
     parser.add_argument("--seconds", type=float, default=math.inf)
     given = parser.parse_args()

@@ -8,9 +8,13 @@ of the exposure of the first line, on the clock CLOCK_BOOTTIME that both cameras
 
 from __future__ import annotations
 
+import sys
 import threading
 
-from picamera2 import Picamera2
+try:
+    from picamera2 import Picamera2
+except ModuleNotFoundError:
+    sys.exit("picamera2 is not here: `sudo apt install python3-picamera2`, and a .venv with --system-site-packages")
 
 from syncwatch import Event, Monitor, StampReference
 
