@@ -58,8 +58,8 @@ REASON_ADVICE = {
     "they tell the time.",
     Reason.STAMPS_DISPROVED: "Do not rely on the stamps, and show the cameras something that moves, so that the "
     "pictures can tell.",
-    Reason.NO_EVIDENCE: "Give the frames timestamps, or show the cameras something that moves, so that something "
-    "can be judged.",
+    Reason.NO_EVIDENCE: "Show the cameras something that moves, so that the pictures can tell, or give the frames "
+    "timestamps of their cameras. A detector that is held to `every` or `cpu_percent` has to look more often.",
 }
 
 
