@@ -89,7 +89,7 @@ def _shares(pair: PairTally) -> str:
 
 def _ground(pair: PairTally) -> str:
     """That most of it rests on timestamps alone, if so: these can lie."""
-    return " (mostly by timestamps alone, as pictures show too little)" if 2 * pair.by_stamps > pair.decided else ""
+    return " (mostly by timestamps alone, which can lie)" if 2 * pair.by_stamps > pair.decided else ""
 
 
 def _stretches(pair: PairTally) -> str:
