@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from pipeline.settings import Settings
 
@@ -67,6 +67,14 @@ class ReplaySettings(Settings):
         if repeated:
             raise ValueError(f"camera names must differ: '{repeated[0]}' is given twice")
         return names
+
+    @field_validator("to_s")
+    @classmethod
+    def _after_the_start(cls, to_s: float | None, info: ValidationInfo) -> float | None:
+        from_s = info.data.get("from_s")
+        if to_s is not None and from_s is not None and to_s <= from_s:
+            raise ValueError(f"must be more than from_s, which is {from_s:g}")
+        return to_s
 
     @property
     def paths(self) -> list[str]:

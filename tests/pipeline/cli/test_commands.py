@@ -140,6 +140,9 @@ def test_check_answers_with_its_status_and_a_sentence(tmp_path, changes, status,
 def test_check_takes_a_recording(tmp_path):
     folder = write_folders(tmp_path / "rig", 30)
     assert inside("check", folder, "--fps", "10", cwd=tmp_path).returncode == 0
+    refused = inside("check", folder, "--from", "2", "--to", "1", cwd=tmp_path)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "to_s: must be more than from_s, which is 2" in refused.stderr
 
 
 def test_check_of_a_rig_can_be_limited_in_time(tmp_path):
