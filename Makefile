@@ -7,6 +7,9 @@ INSTALLED := $(VENV)/.installed
 # Where Python is told to write no bytecode, every program that the tests start would compile all of it first.
 export PYTHONDONTWRITEBYTECODE :=
 
+# One more than there are cores: many tests wait for other programs.
+WORKERS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
+
 .DEFAULT_GOAL := help
 .PHONY: help run test test-browser test-guest test-oak test-alerts images evaluate evaluate-full accuracy classic bench clean methods fleet
 
@@ -27,7 +30,7 @@ test: $(INSTALLED)  ## everything CI runs: style, types, tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pytest -n auto --dist loadfile
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile
 
 test-browser: $(INSTALLED)  ## the dashboard and the reports in a headless browser (installs chromium; as root)
 	@tests/browser/setup.sh

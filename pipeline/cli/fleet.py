@@ -78,7 +78,10 @@ def fleet_settings(
 
 
 def read_network(path: str) -> dict[str, Any]:
-    """What the file says, with paths that count from its folder made absolute. Raises InputError."""
+    """What the file says, with paths made absolute, which count from its folder, and the mode, which follows `connect`.
+
+    Raises InputError.
+    """
     if not Path(path).exists():
         raise InputError(f"--network {path}: there is no such file")
     document = load_file(Path(path), os.environ)
@@ -90,6 +93,8 @@ def read_network(path: str) -> dict[str, Any]:
     values = _absolute(document.data, base)
     if values.get("tls"):
         values["tls"] = _absolute(values["tls"], base)
+    if values.get("connect"):
+        values.setdefault("mode", "client")
     return values
 
 

@@ -122,6 +122,9 @@ class ReplaySource:
                         return
                     round_.saw(stream, entry, at_ns)
                     yield self._frame(self._opened, stream, entry, image, round_), at_ns
+                else:
+                    if round_.is_empty and self._from_ns > 0:
+                        raise InputError(f"source.from_s: the recording ends before {self._from_ns / NS_PER_S:g} s")
             if (said := merge.said()) is not None:
                 self._notices.warning(said)
             if not self._settings.loop or round_.is_empty:

@@ -13,6 +13,7 @@ import pytest
 import zenoh
 from pydantic import ValidationError
 
+from pipeline.cli.fleet import read_network
 from pipeline.errors import InputError, RunError
 from pipeline.fleet.listener import FleetListener
 from pipeline.verdict import Cause, Event, Level, Status
@@ -352,3 +353,9 @@ def test_what_is_said_of_the_network_is_of_publish(tmp_path):
         2,
         "syncwatch: error: --network is of --publish: without it nothing is sent\n",
     )
+
+
+@pytest.mark.parametrize(("mode", "taken"), [("", "client"), ("mode: peer", "peer")])
+def test_a_network_file_with_a_router_makes_a_client_unless_it_says_otherwise(mode, taken, tmp_path):
+    (tmp_path / "network.yaml").write_text(f"connect: [tcp/a:1]\n{mode}\n")
+    assert read_network(str(tmp_path / "network.yaml"))["mode"] == taken

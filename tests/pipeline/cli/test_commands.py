@@ -143,6 +143,9 @@ def test_check_takes_a_recording(tmp_path):
     refused = inside("check", folder, "--from", "2", "--to", "1", cwd=tmp_path)
     assert (refused.returncode, refused.stdout) == (2, "")
     assert "to_s: must be more than from_s, which is 2" in refused.stderr
+    beyond = inside("check", folder, "--from", "100", cwd=tmp_path)
+    assert beyond.returncode == 2
+    assert "the recording ends before 100 s" in beyond.stderr
 
 
 def test_check_of_a_rig_can_be_limited_in_time(tmp_path):
