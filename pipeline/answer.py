@@ -53,7 +53,7 @@ HEADLINE = {State.SYNC: "In sync.", State.ASYNC: "OUT OF SYNC.", State.UNKNOWN: 
 
 
 def _state(pair: PairTally) -> State:
-    if 0 < pair.silent == pair.total:
+    if pair.never_came:
         return State.ASYNC
     if pair.decided < ENOUGH:
         return State.UNKNOWN
@@ -66,7 +66,7 @@ def _state(pair: PairTally) -> State:
 
 
 def _sentence(name: str, state: State, pair: PairTally) -> str:
-    if 0 < pair.silent == pair.total:
+    if pair.never_came:
         return f"{name}: no frame of {name.partition('-')[0]} came."
     if not pair.decided:
         return f"{name}: none of {pair.total} frames could be judged{_why_not(pair, ', mostly because ')}."
@@ -115,10 +115,8 @@ def _stretch(stretch: Stretch, *, explain: bool) -> str:
 
 def _why_not(pair: PairTally, lead: str) -> str:
     """Why most of the other frames could not be judged."""
-    if not pair.reasons:
-        return ""
-    reason, _ = pair.reasons.most_common(1)[0]
-    return f"{lead}{REASON_WORDS[reason]} ({reason.value})"
+    reason = pair.main_reason
+    return "" if reason is None else f"{lead}{REASON_WORDS[reason]} ({reason.value})"
 
 
 def _advice(state: State, pair: PairTally) -> str:
@@ -128,6 +126,6 @@ def _advice(state: State, pair: PairTally) -> str:
         return f"What to do: {CAUSE_ADVICE[cause]}" if cause else ""
     if state is State.UNKNOWN and pair.decided >= ENOUGH:
         return f"What to do: {CONTRADICTORY_ADVICE}"
-    if state is State.UNKNOWN and pair.reasons:
-        return f"What to do: {REASON_ADVICE[pair.reasons.most_common(1)[0][0]]}"
+    if state is State.UNKNOWN and pair.main_reason is not None:
+        return f"What to do: {REASON_ADVICE[pair.main_reason]}"
     return ""

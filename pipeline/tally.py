@@ -87,6 +87,16 @@ class PairTally:
         return self.total - self.states[State.UNKNOWN]
 
     @property
+    def main_reason(self) -> Reason | None:
+        """Why most of the frames that could not be judged could not."""
+        return self.reasons.most_common(1)[0][0] if self.reasons else None
+
+    @property
+    def never_came(self) -> bool:
+        """Whether the first camera has delivered nothing at all."""
+        return 0 < self.silent == self.total
+
+    @property
     def lasting_async(self) -> int:
         """Frames of stretches out of sync that last for ENOUGH frames, one frame in ten forgiven."""
         return self._lasted + (self._streak if self._streak >= ENOUGH else 0)

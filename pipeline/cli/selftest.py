@@ -65,10 +65,11 @@ def selftest(
     plan = footage.plan()
     with TemporaryDirectory(prefix="syncwatch-selftest-") as folder:
         if is_live(plan):
-            footage = replace(footage, taken=Path(folder) / "rig.mcap")
-            interrupted = take(plan, Path(folder) / "rig.mcap", FOR_S if duration is None else seconds(duration), _ask)
+            taken = Path(folder) / "rig.mcap"
+            interrupted = take(plan, taken, FOR_S if duration is None else seconds(duration), _ask)
             if interrupted:
                 return interrupted
+            footage = replace(footage, taken=taken)
         elif duration is not None:
             raise InputError(FOR_RECORDING)
         with _progress() as progress:

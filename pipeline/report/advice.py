@@ -54,9 +54,9 @@ def _of_pair(record: PairRecord, state: State) -> list[str]:
         made += [CAUSE_ADVICE[stretch.first.cause] for stretch in told if stretch.first.cause is not None]
     elif state is State.UNKNOWN and tally.decided >= ENOUGH:
         made.append(CONTRADICTORY_ADVICE)
-    elif record.coverage < MOSTLY_JUDGED and tally.reasons:
+    elif record.coverage < MOSTLY_JUDGED and tally.main_reason is not None:
         more = "" if state is State.UNKNOWN else "Most frames could not be judged. To have more of them: "
-        made.append(more + REASON_ADVICE[tally.reasons.most_common(1)[0][0]])
+        made.append(more + REASON_ADVICE[tally.main_reason])
     elif not record.bases[Basis.CONTENT] and record.silences:
         made.append(f"{STAMPS_ALONE} {REASON_ADVICE[record.silences.most_common(1)[0][0]]}")
     kinds = [mark.kind.removesuffix(" onset") for mark in record.marks.marks]

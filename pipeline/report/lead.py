@@ -45,6 +45,5 @@ def _cannot_tell(record: PairRecord) -> str:
 
 
 def _why(record: PairRecord) -> str:
-    if not record.tally.reasons:
-        return "too few frames came together"
-    return REASON_WORDS[record.tally.reasons.most_common(1)[0][0]]
+    reason = record.tally.main_reason
+    return "too few frames came together" if reason is None else REASON_WORDS[reason]
